@@ -1,0 +1,55 @@
+// Renders tiles of one frame: scene file and settings in, nodes of the accumulation tree out. The local
+// `render` command and the workers' render children share it, so that they write the same bits.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "renderer/film/tile.h"
+#include "renderer/frame/settings.h"
+#include "renderer/scene/read_scene.h"
+
+namespace woodcock {
+
+/// Counters that a render fills while it runs; any thread may read them at any time.
+struct RenderProgress {
+  std::atomic<uint64_t> samples{0};  ///< camera paths finished
+  std::atomic<uint64_t> bounces{0};  ///< path vertices: moves even when one sample takes long
+  std::atomic<bool> cancel{false};   ///< set to make render() return early
+};
+
+/// One frame of a scene, loaded and compiled: immutable, shareable between threads.
+class FrameRenderer {
+ public:
+  /// Reads and compiles the scene. `phase`, when given, is called with "loading", "building" as they begin.
+  /// Throws SceneError (bad scene) or std::invalid_argument (settings).
+  FrameRenderer(const std::string& scene_path, const FrameSettings& settings, const ReadOptions& options,
+                const std::function<void(const char* phase)>& phase = {});
+  ~FrameRenderer();
+  FrameRenderer(FrameRenderer&&) noexcept;
+
+  /// The deterministic fields that every tile of this frame carries: resolution, pixel bounds, scene digest,
+  /// settings digest, seed, frame, build, arithmetic class, estimator.
+  const FrameHeader& header() const;
+  /// Samples per pixel after overrides.
+  int64_t samples() const;
+  const SceneDescription& description() const;
+
+  /// Renders `range` (an aligned power of two) of every pixel of `rect` with up to `threads` threads.
+  /// Returns nullopt when cancelled. The result does not depend on `threads`.
+  std::optional<Tile> render(const PixelRect& rect, const SampleRange& range, int threads, RenderProgress& progress) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// The digest of a fixed small computation (libm and intersection kernels) on this machine: machines with
+/// equal digests give equal bits.
+std::string arithmetic_class();
+/// Names the sources, flags and library versions this program was built from.
+std::string render_build();
+
+}  // namespace woodcock
