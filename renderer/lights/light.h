@@ -1,0 +1,94 @@
+// The lights of a scene: choosing one, sampling it from a point, evaluating what a ray meets.
+//
+// Everything is in render space: lengths are `scale` times world lengths, so intensities carry scale² and
+// radiances carry nothing. Pdfs are per solid angle at the reference point unless a name says otherwise.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "renderer/core/vec.h"
+#include "renderer/geometry/shape.h"
+#include "renderer/scene/description.h"
+
+namespace woodcock {
+
+/// Light arriving at a reference point from one direction.
+struct LightSample {
+  Rgb radiance{0};        ///< incident radiance (delta lights: I/d², or the irradiance of a plane at right angles), NOT divided by pdf
+  Vec3 wi{0};             ///< unit, from the reference point towards the light
+  float distance = kInf;  ///< to the point on the light; kInf for distant and infinite lights
+  float pdf = 1;          ///< per solid angle, WITHOUT the probability of choosing this light; 1 for point, spot and distant
+  /// No ray meets this light by chance, so the MIS weight of the sample is 1. True for point, spot and distant
+  /// lights, and for area lights on shapes of opacity 0 (whose pdf is per solid angle all the same).
+  bool delta = false;
+  int shape = kNone;  ///< index of the emitting shape, or kNone
+  uint32_t primitive = 0;
+  Vec3 p{0}, n{0};  ///< point and geometric normal (on the emitting side) of an area light
+};
+
+/// A point on an emitting shape met by a ray. `ng` is the unit geometric normal as renderer/geometry/shape.h
+/// defines it; `uv` are the surface's texture coordinates.
+struct EmitterHit {
+  Vec3 p;
+  Vec3 ng;
+  Vec2 uv;
+  uint32_t primitive;
+};
+
+struct LightTable;
+
+/// All lights of a scene. Immutable and thread-safe; copies share their data.
+///
+/// The models are in distant_light.h … area_light.h of this folder; the list of them is `Light` in
+/// light_table.h.
+class Lights {
+ public:
+  /// No light at all.
+  Lights();
+  /// shapes[i] belongs to description.shapes[i]. `bounds` are the scene's in render space; they serve the power
+  /// estimates of distant and infinite lights only. Throws SceneError for a light that cannot be built, for
+  /// instance for an environment image that is not square or an area light in an object.
+  Lights(const SceneDescription& description, const std::vector<Shape>& shapes, const DMat4& render_from_world, double scale, Box3 bounds);
+
+  int size() const;
+
+  struct Choice {
+    int light;
+    float pmf;  ///< the probability of this choice
+  };
+  /// Chooses a light in proportion to its power, or uniformly where no light has any. u in [0,1). Nothing where
+  /// there is no light.
+  std::optional<Choice> choose(float u) const;
+  /// The probability that `choose` gives this light.
+  float pmf(int light) const;
+
+  /// Samples the direction from `ref` towards a light. Nothing where no light arrives or the sample has pdf 0.
+  /// `u_primitive` chooses the primitive of a mesh; `u` the point on it.
+  std::optional<LightSample> sample(int light, Vec3 ref, Vec2 u, float u_primitive) const;
+
+  /// The light on a shape, or kNone.
+  int light_of_shape(int shape) const;
+  /// Radiance that leaves `hit` in direction `wo` (unit, away from the surface).
+  Rgb emitted(int light, const EmitterHit& hit, Vec3 wo) const;
+  /// The pdf with which `sample(light, ref, …)` gives the direction `wi` towards `hit`.
+  float pdf(int light, Vec3 ref, const EmitterHit& hit, Vec3 wi) const;
+
+  /// Radiance of a ray that leaves the scene in this direction: the sum over the infinite lights.
+  Rgb environment(Vec3 direction) const;
+  /// The sum over the infinite lights of pmf × pdf: the density with which choosing a light and sampling it gives
+  /// this direction. What MIS needs for a ray that left the scene.
+  float environment_pdf(Vec3 direction) const;
+  bool has_environment() const;
+
+  /// Emitted power in render-space units (world power × scale²); an estimate for distant and infinite lights.
+  Rgb power(int light) const;
+  /// Where in the scene file the light is defined.
+  const SourceLocation& where(int light) const;
+
+ private:
+  std::shared_ptr<const LightTable> table_;
+};
+
+}  // namespace woodcock
