@@ -1,0 +1,88 @@
+// Upper bounds of σt over bricks of a grid, and the walk of a ray through them.
+//
+// Bricks divide the cell coordinates (grid_map.h) at multiples of the brick's edge. The interpolant over a brick
+// of edge e starting at cell k involves the voxels k − 1 … k + e, since samples lie at cell centres; the bound is
+// taken over all of these. That bounds the interpolant half a voxel beyond the brick's faces as well, so rounding of
+// a position that is looked up next to a face cannot exceed the bound.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "renderer/media/grid_map.h"
+
+namespace woodcock {
+
+/// A part of a ray on which one bound of σt holds: t0 < t1, in render units of length along a unit direction.
+struct MajorantSegment {
+  float t0, t1;
+  float sigma;  ///< ≥ the largest channel of σt on the segment, in 1/render unit; positive
+};
+
+/// A dense array of bounds, one a brick.
+class MajorantGrid {
+ public:
+  MajorantGrid() = default;
+  /// `voxels`: voxels 0 … voxels − 1 per axis may be non-zero. `box`: where the medium exists, within
+  /// [−½, voxels + ½] cells. `edge`: cells a brick, a power of two.
+  MajorantGrid(IVec3 voxels, const CellBox& box, const GridMap& map, int edge);
+
+  /// Raises the bounds of all bricks whose interpolant involves this voxel.
+  void add_voxel(IVec3 voxel, float value);
+  /// The same for the constant block of voxels first … last (inclusive).
+  void add_block(IVec3 first, IVec3 last, float value);
+  /// The same grid with bricks of twice the edge.
+  MajorantGrid coarser() const;
+  /// Multiplies all bounds (density → σt), with an allowance for the rounding of interpolation.
+  void scale(float sigma_per_value);
+
+  /// The median over the bricks that are not empty of (bound × edge in render units); 0 if all are empty.
+  double median_optical_depth() const;
+  float maximum() const;
+  bool empty() const { return maximum() == 0; }
+  int edge() const { return edge_; }
+  IVec3 size() const { return size_; }
+  const CellBox& box() const { return box_; }
+  const GridMap& map() const { return map_; }
+  float bound(IVec3 brick) const { return bounds_[offset(brick)]; }
+  const float* data() const { return bounds_.data(); }
+  size_t offset(IVec3 brick) const { return (static_cast<size_t>(brick.z) * size_.y + brick.y) * size_.x + brick.x; }
+
+ private:
+  IVec3 brick_of_first(IVec3 voxel) const;
+  IVec3 brick_of_last(IVec3 voxel) const;
+
+  IVec3 size_{0};  ///< bricks per axis
+  int edge_ = 1;
+  CellBox box_;
+  GridMap map_;
+  std::vector<float> bounds_;
+};
+
+/// From bricks of `finest.edge()` cells up, the edge whose median non-empty brick has a majorant optical depth
+/// nearest to 1: there a step of the walk and a look-up cost about as much as each other. Bounds must be scaled.
+MajorantGrid choose_brick_edge(MajorantGrid finest);
+
+/// Steps through the bricks that a ray meets, front to back. Consecutive bricks share the face's t to the bit, so the
+/// segments with the skipped empty bricks tile [max(0, t_enter), min(t_max, t_exit)] without gap or overlap.
+class BrickWalk {
+ public:
+  BrickWalk() = default;
+  /// `ray.d` has unit length; t_max may be infinite.
+  BrickWalk(const MajorantGrid& grid, const Ray& ray, float t_max);
+
+  /// The next brick with a positive bound, or nothing at the end.
+  std::optional<MajorantSegment> next();
+
+ private:
+  const float* bounds_ = nullptr;  ///< null when the walk is over
+  ptrdiff_t brick_ = 0;            ///< offset of the current brick
+  ptrdiff_t stride_[3];            ///< to the next brick along the ray, per axis
+  int left_[3];                    ///< bricks that may still be entered along each axis
+  double next_t_[3];               ///< where the ray leaves the current brick, per axis
+  double face_t_[3], face_dt_[3];  ///< next_t = face_t + steps · face_dt: no accumulated error
+  int steps_[3];
+  float t_ = 0, t_end_ = 0;
+};
+
+}  // namespace woodcock

@@ -1,0 +1,154 @@
+// Participating media: what lies at a point, and upper bounds of the extinction along a ray.
+//
+// Estimators need no more than that: a medium gives its coefficients at points of render space and a walk over
+// majorant segments, and it knows nothing of tracking (after pbrt-v4's medium interface).
+//
+// Units: coefficients are per render unit, that is σ of the scene file divided by the scale of render space.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "renderer/media/dense_field.h"
+#include "renderer/media/majorant_grid.h"
+#include "renderer/media/phase.h"
+#include "renderer/scene/description.h"
+
+namespace woodcock {
+
+/// The coefficients at a point, in 1/render unit.
+struct MediumPoint {
+  Rgb sigma_a{0}, sigma_s{0};
+  Rgb emission{0};  ///< σa · Le: radiance gained per render unit of length
+
+  Rgb sigma_t() const { return sigma_a + sigma_s; }
+};
+
+/// A scalar grid.
+using FloatField = std::variant<DenseField<float>>;
+
+/// One medium. Immutable and thread-safe; the same point gives the same bits on every thread.
+class Medium {
+ public:
+  /// Throws `SceneError` at the medium's place when a value has no physical meaning (not finite, |g| ≥ 1).
+  /// What was read differently than written is appended to `notes`, one sentence each.
+  Medium(const MediumDescription& description, const DMat4& render_from_world, double scale, std::vector<std::string>& notes);
+
+  /// The same everywhere, without bounds of its own.
+  bool is_homogeneous() const { return kind_ == Kind::kHomogeneous; }
+  /// The coefficients of a homogeneous medium.
+  const MediumPoint& homogeneous() const { return unit_; }
+
+  /// The coefficients at a render-space point; zero outside a grid's box.
+  MediumPoint at(Vec3 p) const;
+  /// σt per channel at a render-space point: what shadow rays in chromatic media need.
+  Rgb sigma_t(Vec3 p) const;
+  /// σt at a render-space point where `is_grey()`: one float look-up.
+  float grey_sigma_t(Vec3 p) const {
+    if (kind_ == Kind::kGrid) return unit_sigma_t_.x * density(p);
+    return sigma_t(p).x;
+  }
+  /// The factor of `unit()` at a render-space point: 1 in homogeneous media. Not for RGB grids, see `is_separable`.
+  float density(Vec3 p) const;
+  /// σa and σs at density 1; `emission` is set for homogeneous media only.
+  const MediumPoint& unit() const { return unit_; }
+  /// σa and σs are `density` times constants: true for all kinds but RGB grids.
+  bool is_separable() const { return kind_ != Kind::kRgbGrid; }
+
+  const HenyeyGreenstein& phase() const { return phase_; }
+  /// Somewhere σs > 0.
+  bool scatters() const { return scatters_; }
+  /// Somewhere σa · Le > 0.
+  bool emits() const { return emits_; }
+  /// Somewhere σt > 0. A medium that is empty is a vacuum.
+  bool attenuates() const { return maximum_sigma_t_ > 0; }
+  /// σt is equal in all channels at every point.
+  bool is_grey() const { return grey_; }
+  /// One bound of σt in all channels for the whole medium: the majorant of plain Woodcock tracking.
+  float maximum_sigma_t() const { return maximum_sigma_t_; }
+  /// The bricks of a medium that is not homogeneous.
+  const MajorantGrid& majorants() const { return majorants_; }
+
+ private:
+  enum class Kind { kHomogeneous, kGrid, kRgbGrid };
+  struct GridEmission {
+    Rgb radiance{0};  ///< Le where there is no temperature
+    float scale = 0;
+    std::optional<FloatField> scale_grid;
+    std::optional<FloatField> temperature;
+    float temperature_scale = 1, temperature_offset = 0, temperature_cutoff = 0;
+
+    Rgb at(Vec3 p) const;
+  };
+  struct Builder;
+
+  Kind kind_ = Kind::kHomogeneous;
+  bool scatters_ = false, emits_ = false, grey_ = true;
+  float maximum_sigma_t_ = 0;
+  MediumPoint unit_;
+  Rgb unit_sigma_t_{0};
+  HenyeyGreenstein phase_;
+  MajorantGrid majorants_;
+  FloatField density_;
+  GridEmission emission_;
+  DenseField<Rgb> rgb_sigma_a_, rgb_sigma_s_, rgb_emission_;
+};
+
+/// The media of a scene, by their index in `SceneDescription::media`.
+class Media {
+ public:
+  Media() = default;
+  /// Render space is scale · (world − center), as `render_from_world` says. Throws `SceneError`.
+  Media(const SceneDescription& scene, const DMat4& render_from_world, double scale);
+
+  const Medium& operator[](int index) const { return media_[static_cast<size_t>(index)]; }
+  int size() const { return static_cast<int>(media_.size()); }
+  /// What was read differently than the files say; for the user.
+  std::span<const std::string> notes() const { return notes_; }
+
+ private:
+  std::vector<Medium> media_;
+  std::vector<std::string> notes_;
+};
+
+/// The parts of a ray where a medium may attenuate, front to back, each with a bound of σt. Parts in between are empty.
+class MajorantWalk {
+ public:
+  /// `ray.d` has unit length; the walk covers [0, t_max], and t_max may be infinite.
+  MajorantWalk(const Medium& medium, const Ray& ray, float t_max) {
+    if (!medium.is_homogeneous())
+      bricks_ = BrickWalk(medium.majorants(), ray, t_max);
+    else if (medium.maximum_sigma_t() > 0 && t_max > 0)
+      whole_ = MajorantSegment{0, t_max, medium.maximum_sigma_t()};
+  }
+  /// The next segment, or nothing at the end.
+  std::optional<MajorantSegment> next() {
+    if (whole_) return std::exchange(whole_, std::nullopt);
+    return bricks_.next();
+  }
+
+ private:
+  std::optional<MajorantSegment> whole_;
+  BrickWalk bricks_;
+};
+
+/// σs/σt per channel; 0 where there is no extinction.
+Rgb albedo(const MediumPoint& point);
+inline Rgb albedo(const Medium& medium, Vec3 p) { return albedo(medium.at(p)); }
+
+inline float Medium::density(Vec3 p) const {
+  if (kind_ == Kind::kHomogeneous) return 1;
+  return std::visit([p](const auto& field) { return field.at(p); }, density_);
+}
+
+inline Rgb Medium::sigma_t(Vec3 p) const {
+  if (kind_ == Kind::kHomogeneous) return unit_sigma_t_;
+  if (kind_ == Kind::kGrid) return unit_sigma_t_ * density(p);
+  return rgb_sigma_a_.at(p) + rgb_sigma_s_.at(p);
+}
+
+}  // namespace woodcock
