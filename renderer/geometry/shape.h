@@ -35,8 +35,8 @@ struct PatchMesh {
 struct Quadric {
   enum class Kind { kSphere, kDisk, kCylinder };
   Kind kind = Kind::kSphere;
-  double radius = 1, z_min = -1, z_max = 1;  ///< disk: z_min is its height
-  double inner_radius = 0;                   ///< disk
+  double radius = 1, z_min = -1, z_max = 1;     ///< disk: z_min is its height
+  double inner_radius = 0;                      ///< disk
   double phi_max = 2 * 3.14159265358979323846;  ///< radians
   DMat4 render_from_object{1}, object_from_render{1};
 };

@@ -1,0 +1,63 @@
+// Ray casting: the only place that sees Embree.
+//
+// Embree says which primitive was hit; where it was hit is computed here, in double, from the primitive's own
+// float vertices. A candidate whose exact distance is not positive is Embree's rounding and is skipped, so that
+// no ray meets the plane it starts from, however large its triangles are.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "renderer/geometry/hit.h"
+#include "renderer/geometry/shape.h"
+
+namespace woodcock {
+
+/// A primitive that a query does not see: the emitter that a shadow ray aims at.
+struct IgnoredPrimitive {
+  int shape = -1;
+  uint32_t primitive = 0;
+};
+
+/// Shapes, instances and their acceleration structure: immutable and shareable once built.
+class Geometry {
+ public:
+  /// A run of shapes that instances place together.
+  struct Object {
+    int first_shape = 0, shape_count = 0;
+  };
+  struct Instance {
+    int object = 0;
+    DMat4 render_from_object{1};
+  };
+
+  /// `shapes[0, top_level)` stand in the scene themselves, the others belong to objects.
+  /// Throws std::runtime_error where Embree refuses (out of memory).
+  Geometry(std::vector<Shape> shapes, int top_level, std::vector<Object> objects, std::vector<Instance> instances);
+  ~Geometry();
+  Geometry(Geometry&&) noexcept;
+  Geometry& operator=(Geometry&&) noexcept;
+
+  /// The nearest hit with 0 < t < t_max (t in lengths of ray.d).
+  std::optional<Hit> intersect(const Ray& ray, double t_max) const;
+
+  /// Whether anything but `ignored` lies at 0 < t < t_max.
+  bool occluded(const Ray& ray, double t_max, IgnoredPrimitive ignored) const;
+
+  /// The local geometry at a hit that intersect() returned for this ray.
+  SurfacePoint surface(const Hit& hit, const Ray& ray) const;
+
+  const std::vector<Shape>& shapes() const;
+  /// Bounds of everything, empty for an empty scene.
+  Box3 bounds() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Render-space bounds of a shape.
+Box3 bounds_of(const Shape& shape);
+
+}  // namespace woodcock

@@ -1,0 +1,39 @@
+#include "renderer/geometry/patch.h"
+
+#include <cmath>
+
+namespace woodcock {
+
+std::optional<PrimitiveHit> intersect_patch(const std::array<DVec3, 4>& p, DVec3 o, DVec3 d, double t_min, double t_max) {
+  // The line v ↦ P(u, v) meets the ray where a·u² + b·u + c = 0.
+  const double a = glm::dot(glm::cross(p[1] - p[0], p[2] - p[3]), d);
+  const double c = glm::dot(glm::cross(p[0] - o, d), p[2] - p[0]);
+  const double b = glm::dot(glm::cross(p[1] - o, d), p[3] - p[1]) - (a + c);
+  std::array<double, 2> roots{-1, -1};
+  if (std::abs(a) <= 1e-14 * (std::abs(b) + std::abs(c))) {
+    if (b == 0) return std::nullopt;
+    roots[0] = -c / b;
+  } else {
+    const double discriminant = b * b - 4 * a * c;
+    if (discriminant < 0) return std::nullopt;
+    const double q = -0.5 * (b + std::copysign(std::sqrt(discriminant), b));
+    roots[0] = q / a;
+    if (q != 0) roots[1] = c / q;
+  }
+  std::optional<PrimitiveHit> nearest;
+  for (const double u : roots) {
+    if (!(u >= 0 && u <= 1)) continue;
+    const DVec3 start = glm::mix(p[0], p[1], u);
+    const DVec3 along = glm::mix(p[2], p[3], u) - start;
+    const DVec3 to_start = start - o;
+    const DVec3 perpendicular = glm::cross(d, along);
+    const double length2 = glm::dot(perpendicular, perpendicular);
+    if (length2 == 0) continue;
+    const double v = glm::dot(glm::cross(to_start, d), perpendicular) / length2;
+    const double t = glm::dot(glm::cross(to_start, along), perpendicular) / length2;
+    if (v >= 0 && v <= 1 && t > t_min && t < t_max && (!nearest || t < nearest->t)) nearest = PrimitiveHit{t, {u, v}};
+  }
+  return nearest;
+}
+
+}  // namespace woodcock
