@@ -1,0 +1,125 @@
+#include "worker/child_messages.h"
+
+#include <array>
+#include <optional>
+#include <utility>
+
+namespace woodcock {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::array<std::pair<FailureCause, const char*>, 8> kCauses{{{FailureCause::kCrash, "crash"},
+                                                                       {FailureCause::kOutOfMemory, "out of memory"},
+                                                                       {FailureCause::kHang, "hang"},
+                                                                       {FailureCause::kScene, "scene"},
+                                                                       {FailureCause::kMismatch, "mismatch"},
+                                                                       {FailureCause::kNonFinite, "non-finite"},
+                                                                       {FailureCause::kTransfer, "transfer"},
+                                                                       {FailureCause::kOutput, "output"}}};
+
+template <typename T>
+void put(json& out, const char* name, const std::optional<T>& value) {
+  if (value) out[name] = *value;
+}
+
+template <typename T>
+void take(const json& in, const char* name, std::optional<T>& value) {
+  if (in.contains(name)) value = in.at(name).get<T>();
+}
+
+json settings_json(const FrameSettings& settings) {
+  json out{{"estimator", settings.estimator}, {"allow_unsupported", settings.allow_unsupported}, {"frame", settings.frame}};
+  put(out, "resolution", settings.resolution);
+  put(out, "crop", settings.crop);
+  put(out, "samples", settings.samples);
+  put(out, "seed", settings.seed);
+  put(out, "max_depth", settings.max_depth);
+  return out;
+}
+
+FrameSettings settings_from(const json& in) {
+  FrameSettings settings;
+  in.at("estimator").get_to(settings.estimator);
+  in.at("allow_unsupported").get_to(settings.allow_unsupported);
+  in.at("frame").get_to(settings.frame);
+  take(in, "resolution", settings.resolution);
+  take(in, "crop", settings.crop);
+  take(in, "samples", settings.samples);
+  take(in, "seed", settings.seed);
+  take(in, "max_depth", settings.max_depth);
+  return settings;
+}
+
+}  // namespace
+
+const char* to_string(FailureCause cause) {
+  for (const auto& [value, name] : kCauses)
+    if (value == cause) return name;
+  return "crash";
+}
+
+FailureCause failure_cause(const std::string& name) {
+  for (const auto& [value, text] : kCauses)
+    if (name == text) return value;
+  return FailureCause::kCrash;
+}
+
+json to_json(const RenderCommand& command) {
+  return {{"type", "render"},
+          {"attempt", command.attempt},
+          {"scene_path", command.scene_path},
+          {"scene_digest", command.scene_digest},
+          {"settings", settings_json(command.settings)},
+          {"rect", {command.x0, command.y0, command.x1, command.y1}},
+          {"range", {command.sample_begin, command.sample_end}},
+          {"threads", command.threads},
+          {"output_path", command.output_path},
+          {"result_key", command.result_key}};
+}
+
+RenderCommand render_command_from(const json& message) {
+  RenderCommand command;
+  message.at("attempt").get_to(command.attempt);
+  message.at("scene_path").get_to(command.scene_path);
+  message.at("scene_digest").get_to(command.scene_digest);
+  command.settings = settings_from(message.at("settings"));
+  const auto rect = message.at("rect").get<std::array<int, 4>>();
+  command.x0 = rect[0], command.y0 = rect[1], command.x1 = rect[2], command.y1 = rect[3];
+  const auto range = message.at("range").get<std::array<int64_t, 2>>();
+  command.sample_begin = range[0], command.sample_end = range[1];
+  message.at("threads").get_to(command.threads);
+  message.at("output_path").get_to(command.output_path);
+  message.at("result_key").get_to(command.result_key);
+  return command;
+}
+
+json to_json(const ChildProgress& progress) {
+  return {{"phase", progress.phase}, {"samples", progress.samples}, {"bounces", progress.bounces}};
+}
+
+ChildProgress child_progress_from(const json& message) {
+  return {message.at("phase").get<std::string>(), message.at("samples").get<uint64_t>(), message.at("bounces").get<uint64_t>()};
+}
+
+json to_json(const RenderedTile& tile) {
+  return {{"path", tile.path},       {"digest", tile.digest},           {"result_key", tile.result_key},
+          {"bytes", tile.bytes},     {"samples", tile.samples},         {"bounces", tile.bounces},
+          {"seconds", tile.seconds}, {"cpu_seconds", tile.cpu_seconds}, {"world_reused", tile.world_reused}};
+}
+
+RenderedTile rendered_tile_from(const json& message) {
+  RenderedTile tile;
+  message.at("path").get_to(tile.path);
+  message.at("digest").get_to(tile.digest);
+  message.at("result_key").get_to(tile.result_key);
+  message.at("bytes").get_to(tile.bytes);
+  message.at("samples").get_to(tile.samples);
+  message.at("bounces").get_to(tile.bounces);
+  message.at("seconds").get_to(tile.seconds);
+  message.at("cpu_seconds").get_to(tile.cpu_seconds);
+  message.at("world_reused").get_to(tile.world_reused);
+  return tile;
+}
+
+}  // namespace woodcock
