@@ -1,0 +1,88 @@
+// The environment image and the texture of the example scenes.
+#include <OpenImageIO/imageio.h>
+
+#include <stdexcept>
+#include <vector>
+
+#include "scenes/generate/generators.h"
+#include "scenes/generate/noise.h"
+
+namespace woodcock::generate {
+namespace {
+
+/// `stored` is the type in the file; `values` are linear for EXR, sRGB-encoded in [0, 1] for PNG.
+void write_image(const std::string& path, int width, int height, const std::vector<float>& values, OIIO::TypeDesc stored) {
+  auto output = OIIO::ImageOutput::create(path);
+  OIIO::ImageSpec spec(width, height, 3, stored);
+  spec.attribute("compression", "zip");
+  if (!output || !output->open(path, spec) || !output->write_image(OIIO::TypeDesc::FLOAT, values.data()) || !output->close())
+    throw std::runtime_error("cannot write " + path + ": " + (output ? output->geterror() : OIIO::geterror()));
+}
+
+/// The direction of a point of the unit square in the equal-area octahedral map (Clarberg 2008, "Fast
+/// Equal-Area Mapping of the (Hemi)Sphere using SIMD"): +z in the centre, −z in the corners.
+DVec3 octahedral_direction(double u, double v) {
+  const double x = 2 * u - 1, y = 2 * v - 1;
+  const double ax = std::abs(x), ay = std::abs(y);
+  const double signed_distance = 1 - (ax + ay);
+  const double r = 1 - std::abs(signed_distance);
+  const double phi = (r == 0 ? 1 : (ay - ax) / r + 1) * (3.14159265358979323846 / 4);
+  const double planar = r * std::sqrt(2 - r * r);
+  return {std::copysign(std::cos(phi), x) * planar, std::copysign(std::sin(phi), y) * planar, std::copysign(1 - r * r, signed_distance)};
+}
+
+/// Sky radiance: deep blue above, hazy towards the horizon, a glow and a disk of 3° radius where the sun is.
+DVec3 sky(DVec3 d) {
+  const DVec3 kSun = DVec3(-0.62, -0.55, 0.56) / std::sqrt(0.62 * 0.62 + 0.55 * 0.55 + 0.56 * 0.56);
+  constexpr double kCosRadius = 0.99863;  // 3°
+  const double up = std::fmax(0.0, d.z);
+  const double haze = (1 - up) * (1 - up) * (1 - up) * (1 - up);
+  DVec3 colour = (1 - haze) * DVec3(0.13, 0.27, 0.62) + haze * DVec3(0.72, 0.82, 0.92);
+  const double toward = glm::dot(d, kSun);
+  const double glow = std::fmax(0.0, toward);
+  const double glow8 = glow * glow * glow * glow * glow * glow * glow * glow;
+  colour += glow8 * (0.25 + 0.9 * glow8 * glow8 * glow8) * DVec3(1.0, 0.85, 0.62);
+  if (d.z < 0) colour = (1 - smoothstep(0.0, 0.15, -d.z)) * colour + smoothstep(0.0, 0.15, -d.z) * DVec3(0.10, 0.12, 0.14);
+  if (toward > kCosRadius) colour += DVec3(620, 560, 470);
+  return colour;
+}
+
+}  // namespace
+
+void write_sky(const std::string& folder) {
+  constexpr int kSide = 256, kSub = 4;
+  std::vector<float> values;
+  for (int y = 0; y < kSide; ++y)
+    for (int x = 0; x < kSide; ++x) {
+      DVec3 sum{0};
+      for (int s = 0; s < kSub * kSub; ++s)
+        sum += sky(octahedral_direction((x + (s % kSub + 0.5) / kSub) / kSide, (y + (s / kSub + 0.5) / kSub) / kSide));
+      for (int c = 0; c < 3; ++c) values.push_back(static_cast<float>(sum[c] / (kSub * kSub)));
+    }
+  write_image(folder + "/sky.exr", kSide, kSide, values, OIIO::TypeDesc::HALF);
+}
+
+void write_tiles(const std::string& folder) {
+  constexpr int kSide = 256, kTiles = 8, kSub = 3;
+  constexpr double kArc = 0.5, kHalfWidth = 0.14;  // in tiles
+  const DVec3 kGround{0.93, 0.89, 0.78}, kLine{0.72, 0.23, 0.12};
+  std::vector<float> values;
+  for (int y = 0; y < kSide; ++y)
+    for (int x = 0; x < kSide; ++x) {
+      int covered = 0;
+      for (int s = 0; s < kSub * kSub; ++s) {
+        const double tx = (x + (s % kSub + 0.5) / kSub) * kTiles / kSide, ty = (y + (s / kSub + 0.5) / kSub) * kTiles / kSide;
+        const auto i = static_cast<int64_t>(tx), j = static_cast<int64_t>(ty);
+        double fx = tx - static_cast<double>(i);
+        const double fy = ty - static_cast<double>(j);
+        if (lattice_value(i, j, 0, 0x7715) < 0.5) fx = 1 - fx;
+        const double near_corner = std::sqrt(fx * fx + fy * fy), far_corner = std::sqrt((1 - fx) * (1 - fx) + (1 - fy) * (1 - fy));
+        if (std::abs(near_corner - kArc) < kHalfWidth || std::abs(far_corner - kArc) < kHalfWidth) ++covered;
+      }
+      const double t = double(covered) / (kSub * kSub);
+      for (int c = 0; c < 3; ++c) values.push_back(static_cast<float>((1 - t) * kGround[c] + t * kLine[c]));
+    }
+  write_image(folder + "/tiles.png", kSide, kSide, values, OIIO::TypeDesc::UINT8);
+}
+
+}  // namespace woodcock::generate
