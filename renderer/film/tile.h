@@ -43,6 +43,14 @@ struct Tile {
   }
 };
 
+/// Samples that no tile covers: every pixel of `rect` misses `range`.
+struct Gap {
+  PixelRect rect;
+  SampleRange range;
+
+  friend bool operator==(const Gap&, const Gap&) = default;
+};
+
 /// Which of the optional channels a file carries. The statistics that a merge or a resumed render needs always stay.
 struct AovSet {
   bool albedo = true;

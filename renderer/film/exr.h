@@ -1,0 +1,95 @@
+// Node files: the EXR form of tiles and frames.
+//
+// A node file holds one rectangle of pixels and a range of samples as plain float32 channels that any viewer opens:
+//
+//   R G B                mean radiance              replicate.0 … .7   mean luminance of each replicate
+//   deviation.R .G .B    standard deviation         largest            largest |luminance| of one sample
+//   count                samples; 0 = missing       albedo.R .G .B, normal.X .Y .Z, depth.Z   as the AOV set says
+//
+// A dyadic range makes one part, which is both picture and node. Any other range makes a part 0 that is the fold (what
+// a viewer shows), followed by one part a dyadic node in the order of the indices. The data window is the rectangle, the
+// display window the full image. Part 0 carries the header as string attributes "woodcock:KEY", every part its range as
+// "woodcock:node". Compression is zip (lossless). Equal content makes equal bytes: no date, host or program is written.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "renderer/film/tile.h"
+
+namespace woodcock {
+
+/// What a node file says before any pixel is read.
+struct NodeFileInfo {
+  FrameHeader header;
+  PixelRect rect;
+  SampleRange samples;
+  std::vector<SampleRange> nodes;  ///< dyadic_nodes(samples)
+  int64_t missing_pixels = 0;      ///< pixels of `rect` that miss a sample of `samples`
+  std::vector<Gap> gaps;           ///< which; at most kMaxListedGaps of them are written
+};
+
+inline constexpr size_t kMaxListedGaps = 1000;
+
+/// A node file in memory; `nodes[i].range` is `info.nodes[i]`.
+struct NodeFile {
+  NodeFileInfo info;
+  std::vector<Tile> nodes;
+};
+
+/// Writes `nodes`: one rectangle, and the dyadic nodes of one range in order. The file appears whole or not at all, and
+/// durably. Throws FilmError for nodes that do not fit together, for a number that is not finite, and where the
+/// disk refuses.
+void write_exr(const std::filesystem::path& path, const FrameHeader& header, std::span<const Tile> nodes);
+
+/// The same bytes in memory.
+std::string encode_exr(const FrameHeader& header, std::span<const Tile> nodes);
+
+/// Reads a whole node file. It need not be trusted: sizes, parts, channels, attributes and every number are
+/// checked. Throws FilmError naming the file and what is wrong with it.
+NodeFile read_exr(const std::filesystem::path& path);
+/// The same from memory; `name` is for messages.
+NodeFile decode_exr(std::string_view bytes, std::string_view name);
+
+/// Reads a node file by rows.
+class ExrReader {
+ public:
+  explicit ExrReader(const std::filesystem::path& path);
+  /// `bytes` must outlive the reader.
+  ExrReader(std::string_view bytes, std::string_view name);
+  ~ExrReader();
+  ExrReader(ExrReader&&) noexcept;
+
+  const NodeFileInfo& info() const;
+  /// Rows [y0, y1) of the rectangle, of node `index` of `info().nodes`. Throws FilmError.
+  std::vector<PixelStats> node_rows(size_t index, int y0, int y1);
+  /// The same of the fold: the picture.
+  std::vector<PixelStats> beauty_rows(int y0, int y1);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Writes a node file by rows: first all rows of the fold if the range is not dyadic, then all rows of each node in order.
+class ExrWriter {
+ public:
+  /// `info.nodes` is ignored: it follows from the range.
+  ExrWriter(const std::filesystem::path& path, const NodeFileInfo& info);
+  ~ExrWriter();
+
+  /// The next rows: any number of whole rows of the part that is being written. Throws FilmError.
+  void write_rows(std::span<const PixelStats> rows);
+  /// After the last row: makes the file durable and gives it its name. Throws FilmError.
+  void commit();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace woodcock

@@ -1,0 +1,272 @@
+#include "renderer/film/exr_layout.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cstddef>
+#include <map>
+#include <optional>
+
+namespace woodcock::exr {
+
+namespace {
+
+constexpr std::string_view kPrefix = "woodcock:";
+constexpr std::string_view kSetting = "setting.";
+constexpr std::string_view kFormat = "1";
+
+[[noreturn]] void refuse(std::string_view name, std::string_view reason) { throw FilmError(name, reason); }
+
+std::string range_text(SampleRange r) { return fmt::format("{}:{}", r.begin, r.end); }
+
+/// Reads integers separated by single characters of `separators`; nothing else may be there.
+template <size_t N>
+std::optional<std::array<int64_t, N>> parse_integers(std::string_view text, std::string_view separators) {
+  std::array<int64_t, N> values;
+  const char* at = text.data();
+  const char* end = at + text.size();
+  for (size_t i = 0; i < N; ++i) {
+    const auto [next, error] = std::from_chars(at, end, values[i]);
+    if (error != std::errc{}) return std::nullopt;
+    at = next;
+    if (i + 1 == N) break;
+    if (at == end || *at != separators[i]) return std::nullopt;
+    ++at;
+  }
+  return at == end ? std::optional(values) : std::nullopt;
+}
+
+std::optional<SampleRange> parse_range(std::string_view text) {
+  const auto v = parse_integers<2>(text, ":");
+  return v ? std::optional(SampleRange{(*v)[0], (*v)[1]}) : std::nullopt;
+}
+
+bool fits_side(int64_t v) { return v >= 0 && v <= kMaxSide; }
+
+std::optional<PixelRect> make_rect(int64_t x0, int64_t y0, int64_t x1, int64_t y1) {
+  if (!fits_side(x0) || !fits_side(y0) || !fits_side(x1) || !fits_side(y1)) return std::nullopt;
+  return PixelRect{static_cast<int>(x0), static_cast<int>(y0), static_cast<int>(x1), static_cast<int>(y1)};
+}
+
+std::string gaps_text(const std::vector<Gap>& gaps) {
+  std::string text;
+  for (size_t i = 0; i < std::min(gaps.size(), kMaxListedGaps); ++i) {
+    const auto& [rect, range] = gaps[i];
+    text += fmt::format("{}{},{},{},{}:{}:{}", i ? ";" : "", rect.x0, rect.y0, rect.x1, rect.y1, range.begin, range.end);
+  }
+  return text;
+}
+
+std::optional<std::vector<Gap>> parse_gaps(std::string_view text) {
+  std::vector<Gap> gaps;
+  while (!text.empty()) {
+    const size_t end = std::min(text.find(';'), text.size());
+    const auto v = parse_integers<6>(text.substr(0, end), ",,,::");
+    const auto rect = v ? make_rect((*v)[0], (*v)[1], (*v)[2], (*v)[3]) : std::nullopt;
+    if (!rect || gaps.size() == kMaxListedGaps) return std::nullopt;
+    gaps.push_back({*rect, {(*v)[4], (*v)[5]}});
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return gaps;
+}
+
+bool is_plain_text(std::string_view text) {
+  return text.size() <= 65536 && std::none_of(text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; });
+}
+
+/// The string attributes with our prefix, and getters that refuse what is absent or malformed.
+class Fields {
+ public:
+  Fields(const OIIO::ImageSpec& spec, std::string_view name) : name_(name) {
+    for (const auto& attribute : spec.extra_attribs) {
+      const std::string key = attribute.name().string();
+      if (key.starts_with(kPrefix) && attribute.type() == OIIO::TypeString) values_[key.substr(kPrefix.size())] = attribute.get_string();
+    }
+  }
+
+  std::optional<std::string> find(const std::string& key) const {
+    const auto it = values_.find(key);
+    return it == values_.end() ? std::nullopt : std::optional(it->second);
+  }
+  std::string get(const std::string& key) const {
+    const auto value = find(key);
+    if (!value) refuse(name_, fmt::format("is not a node file: it has no attribute '{}{}'", kPrefix, key));
+    return *value;
+  }
+  [[noreturn]] void malformed(const std::string& key) const {
+    refuse(name_, fmt::format("the attribute '{}{}' is '{}', which makes no sense", kPrefix, key, get(key).substr(0, 100)));
+  }
+  uint64_t number(const std::string& key) const {
+    const std::string text = get(key);
+    uint64_t value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc{} || end != text.data() + text.size()) malformed(key);
+    return value;
+  }
+
+ private:
+  std::string_view name_;
+  std::map<std::string, std::string> values_;
+};
+
+/// The settings in the order they were written: an EXR file sorts attributes by name, so the order is kept in a field.
+std::string order_text(const FrameHeader& header) {
+  std::string text;
+  for (const auto& [key, value] : header.settings) text += (text.empty() ? "" : ",") + key;
+  return text;
+}
+
+PixelRect window(const OIIO::ImageSpec& spec) {
+  // 64-bit sums: a hostile window may overflow int. check_info refuses what does not fit.
+  const int64_t x1 = int64_t{spec.x} + spec.width, y1 = int64_t{spec.y} + spec.height;
+  return make_rect(spec.x, spec.y, x1, y1).value_or(PixelRect{});
+}
+
+}  // namespace
+
+std::vector<Channel> channels(AovSet aovs) {
+  std::vector<Channel> list;
+  const auto add3 = [&](std::string_view prefix, std::string_view letters, size_t bytes) {
+    for (size_t c = 0; c < 3; ++c) list.push_back({fmt::format("{}{}", prefix, letters[c]), bytes / sizeof(float) + c});
+  };
+  const auto add = [&](std::string name, size_t bytes) { list.push_back({std::move(name), bytes / sizeof(float)}); };
+  add3("", "RGB", offsetof(PixelStats, mean));
+  add3("deviation.", "RGB", offsetof(PixelStats, deviation));
+  for (size_t k = 0; k < kReplicates; ++k) add(fmt::format("replicate.{}", k), offsetof(PixelStats, replicate) + k * sizeof(float));
+  add("largest", offsetof(PixelStats, largest));
+  add("count", offsetof(PixelStats, count));
+  if (aovs.albedo) add3("albedo.", "RGB", offsetof(PixelStats, albedo));
+  if (aovs.normal) add3("normal.", "XYZ", offsetof(PixelStats, normal));
+  if (aovs.depth) add("depth.Z", offsetof(PixelStats, depth));
+  return list;
+}
+
+size_t part_count(const NodeFileInfo& info) { return has_fold(info) ? info.nodes.size() + 1 : info.nodes.size(); }
+
+void check_info(const NodeFileInfo& info, std::string_view name) {
+  const FrameHeader& header = info.header;
+  if (header.width < 1 || header.height < 1 || header.width > kMaxSide || header.height > kMaxSide)
+    refuse(name, fmt::format("the resolution {}x{} is outside 1 to {}", header.width, header.height, kMaxSide));
+  const PixelRect full{0, 0, header.width, header.height};
+  if (header.bounds.empty() || !full.contains(header.bounds)) refuse(name, "the frame's bounds are not inside its resolution");
+  if (info.rect.empty() || !header.bounds.contains(info.rect)) refuse(name, "its pixels are not inside the frame's bounds");
+  if (info.rect.area() > kMaxPixels) refuse(name, fmt::format("{} pixels are more than the {} allowed", info.rect.area(), kMaxPixels));
+  if (info.nodes.empty()) refuse(name, fmt::format("the sample range {} makes no sense", range_text(info.samples)));
+  if (info.missing_pixels < 0 || info.missing_pixels > info.rect.area()) refuse(name, "the number of missing pixels makes no sense");
+  for (const Gap& gap : info.gaps)
+    if (gap.rect.empty() || !info.rect.contains(gap.rect) || gap.range.empty() || !info.samples.contains(gap.range))
+      refuse(name, "a gap is listed outside the file's pixels and samples");
+  if (header.settings.size() > 200) refuse(name, "more than 200 settings");
+  for (const auto& [key, value] : header_fields(header)) {
+    // '#' would end nothing and ',' separates the keys in their list.
+    const bool good_key = key.size() <= 200 && std::all_of(key.begin(), key.end(), [](char c) {
+                            return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_' || c == '.';
+                          });
+    if (!good_key || !is_plain_text(value)) refuse(name, fmt::format("the header field '{}' has characters that cannot be written", key));
+  }
+  for (size_t i = 0; i < header.settings.size(); ++i)
+    for (size_t j = 0; j < i; ++j)
+      if (header.settings[i].first == header.settings[j].first)
+        refuse(name, fmt::format("the setting '{}' is there twice", header.settings[i].first));
+}
+
+OIIO::ImageSpec part_spec(const NodeFileInfo& info, size_t index) {
+  const auto list = channels(info.header.aovs);
+  OIIO::ImageSpec spec(info.rect.width(), info.rect.height(), static_cast<int>(list.size()), OIIO::TypeFloat);
+  for (size_t c = 0; c < list.size(); ++c) spec.channelnames[c] = list[c].name;
+  spec.x = info.rect.x0;
+  spec.y = info.rect.y0;
+  spec.full_x = spec.full_y = 0;
+  spec.full_width = info.header.width;
+  spec.full_height = info.header.height;
+  spec.attribute("compression", "zip:4");
+  // OpenImageIO writes the time of day unless there is a date; an empty one says nothing.
+  spec.attribute("DateTime", "");
+  const bool fold = has_fold(info) && index == 0;
+  const SampleRange range = fold ? info.samples : info.nodes[has_fold(info) ? index - 1 : index];
+  spec.attribute("oiio:subimagename", index == 0 ? std::string("beauty") : "samples " + range_text(range));
+  const auto put = [&spec](std::string_view key, const std::string& value) { spec.attribute(fmt::format("{}{}", kPrefix, key), value); };
+  put("node", fold ? "fold" : range_text(range));
+  if (index != 0) return spec;
+  put("format", std::string(kFormat));
+  put("samples", range_text(info.samples));
+  for (const auto& [key, value] : header_fields(info.header)) put(key, value);
+  put("setting_order", order_text(info.header));
+  if (info.missing_pixels > 0) {
+    put("missing_pixels", std::to_string(info.missing_pixels));
+    put("gap_count", std::to_string(info.gaps.size()));
+    put("gaps", gaps_text(info.gaps));
+  }
+  return spec;
+}
+
+NodeFileInfo parse_info(const OIIO::ImageSpec& spec, std::string_view name) {
+  const Fields fields(spec, name);
+  if (const std::string format = fields.get("format"); format != kFormat)
+    refuse(name, fmt::format("is a node file of format '{}'; this program reads format {}", format.substr(0, 100), kFormat));
+  NodeFileInfo info;
+  info.rect = window(spec);
+  const auto samples = parse_range(fields.get("samples"));
+  if (!samples) fields.malformed("samples");
+  info.samples = *samples;
+  info.nodes = dyadic_nodes(info.samples);
+
+  FrameHeader& header = info.header;
+  header.scene_digest = fields.get("scene_digest");
+  header.settings_digest = fields.get("settings_digest");
+  header.seed = fields.number("seed");
+  header.frame = fields.number("frame");
+  const auto resolution = parse_integers<2>(fields.get("resolution"), "x");
+  if (!resolution || !fits_side((*resolution)[0]) || !fits_side((*resolution)[1])) fields.malformed("resolution");
+  header.width = static_cast<int>((*resolution)[0]);
+  header.height = static_cast<int>((*resolution)[1]);
+  const auto b = parse_integers<4>(fields.get("bounds"), ",,,");
+  const auto bounds = b ? make_rect((*b)[0], (*b)[1], (*b)[2], (*b)[3]) : std::nullopt;
+  if (!bounds) fields.malformed("bounds");
+  header.bounds = *bounds;
+  header.build = fields.get("build");
+  header.arithmetic_class = fields.get("arithmetic_class");
+  try {
+    header.aovs = parse_aovs(fields.get("aovs"));
+  } catch (const std::invalid_argument&) {
+    fields.malformed("aovs");
+  }
+  const std::string order = fields.get("setting_order");
+  for (size_t at = 0; at < order.size();) {
+    const size_t end = std::min(order.find(',', at), order.size());
+    const std::string key = order.substr(at, end - at);
+    header.settings.emplace_back(key, fields.get(fmt::format("{}{}", kSetting, key)));
+    at = end + 1;
+  }
+  if (fields.find("missing_pixels")) {
+    const uint64_t missing = fields.number("missing_pixels");
+    if (missing == 0 || missing > static_cast<uint64_t>(kMaxPixels)) fields.malformed("missing_pixels");
+    info.missing_pixels = static_cast<int64_t>(missing);
+    const auto gaps = parse_gaps(fields.get("gaps"));
+    if (!gaps) fields.malformed("gaps");
+    info.gaps = *gaps;
+  }
+  check_info(info, name);
+  return info;
+}
+
+void check_part(const OIIO::ImageSpec& spec, const NodeFileInfo& info, size_t index, std::string_view name) {
+  const auto wrong = [&](std::string_view what) { refuse(name, fmt::format("part {}: {}", index, what)); };
+  if (spec.deep || spec.tile_width != 0 || spec.depth != 1) wrong("is not a flat image stored by rows");
+  if (!(window(spec) == info.rect)) wrong("its data window differs from the first part's");
+  if (spec.full_x != 0 || spec.full_y != 0 || spec.full_width != info.header.width || spec.full_height != info.header.height)
+    wrong("its display window is not the full image");
+  const OIIO::ImageSpec expected = part_spec(info, index);
+  std::vector<std::string> have = spec.channelnames, want = expected.channelnames;
+  std::sort(have.begin(), have.end());
+  std::sort(want.begin(), want.end());
+  if (have != want)
+    wrong(fmt::format("its {} channels are not those of a node file with the AOVs {}", have.size(), to_string(info.header.aovs)));
+  for (int c = 0; c < spec.nchannels; ++c)
+    if (spec.channelformat(c) != OIIO::TypeFloat) wrong(fmt::format("channel {} is not float32", spec.channel_name(c)));
+  const std::string node = std::string(kPrefix) + "node";
+  if (spec.get_string_attribute(node) != expected.get_string_attribute(node)) wrong("it does not hold the samples it should");
+}
+
+}  // namespace woodcock::exr

@@ -1,0 +1,43 @@
+// How a node file's channels and attributes are named; what writer and reader share.
+#pragma once
+
+#include <OpenImageIO/imageio.h>
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "renderer/film/exr.h"
+
+namespace woodcock::exr {
+
+/// Files that claim more are refused.
+inline constexpr int kMaxSide = 65536;
+inline constexpr int64_t kMaxPixels = int64_t{1} << 28;
+
+/// A channel and the place of its float in PixelStats.
+struct Channel {
+  std::string name;
+  size_t offset;  ///< in floats
+};
+
+/// The channels of a file with these AOVs.
+std::vector<Channel> channels(AovSet aovs);
+
+/// How many parts the file has, and which range part `index` holds (the whole range: the fold).
+size_t part_count(const NodeFileInfo& info);
+inline bool has_fold(const NodeFileInfo& info) { return info.nodes.size() > 1; }
+
+/// Throws FilmError(name, …) unless rectangle, range and header make sense and stay within the limits.
+void check_info(const NodeFileInfo& info, std::string_view name);
+
+/// The description of part `index` for OpenImageIO.
+OIIO::ImageSpec part_spec(const NodeFileInfo& info, size_t index);
+
+/// The info of a file whose part 0 is `spec`. Throws FilmError(name, …).
+NodeFileInfo parse_info(const OIIO::ImageSpec& spec, std::string_view name);
+
+/// Checks part `index` against what `info` promises. Throws FilmError(name, …).
+void check_part(const OIIO::ImageSpec& spec, const NodeFileInfo& info, size_t index, std::string_view name);
+
+}  // namespace woodcock::exr

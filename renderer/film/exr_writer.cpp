@@ -1,0 +1,180 @@
+#include <OpenImageIO/filesystem.h>
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <functional>
+
+#include "renderer/film/atomic_file.h"
+#include "renderer/film/exr.h"
+#include "renderer/film/exr_layout.h"
+
+namespace woodcock {
+
+namespace {
+
+/// Feeds rows to OpenImageIO, part after part.
+class PartWriter {
+ public:
+  /// Writes to the file `path`, or into `memory` if that is given (a file of one part only: OpenImageIO 2.4 writes
+  /// several parts to real files only). `name` is for messages.
+  PartWriter(const NodeFileInfo& info, const std::string& path, OIIO::Filesystem::IOProxy* memory, std::string name)
+      : name_(std::move(name)), channels_(exr::channels(info.header.aovs)), rect_(info.rect) {
+    exr::check_info(info, name_);
+    for (size_t i = 0; i < exr::part_count(info); ++i) specs_.push_back(exr::part_spec(info, i));
+    output_ = OIIO::ImageOutput::create("exr");
+    if (!output_) fail(OIIO::geterror());
+    if (memory) output_->set_ioproxy(memory);
+    // The format is chosen above; the name may end in anything.
+    if (!output_->open(path, static_cast<int>(specs_.size()), specs_.data())) fail(output_->geterror());
+  }
+
+  void write(std::span<const PixelStats> rows) {
+    const auto width = static_cast<size_t>(rect_.width());
+    if (rows.size() % width != 0) fail("internal error: not a whole number of rows");
+    while (!rows.empty()) {
+      if (row_ == rect_.height()) next_part();
+      const size_t count = std::min(rows.size() / width, std::min<size_t>(static_cast<size_t>(rect_.height() - row_), kRowsAtOnce));
+      write_block(rows.first(count * width), static_cast<int>(count));
+      rows = rows.subspan(count * width);
+    }
+  }
+
+  void close() {
+    if (part_ + 1 != specs_.size() || row_ != rect_.height()) fail("internal error: closed before the last row");
+    if (!output_->close()) fail(output_->geterror());
+  }
+
+ private:
+  static constexpr size_t kRowsAtOnce = 16;
+
+  [[noreturn]] void fail(const std::string& reason) const { throw FilmError(name_, fmt::format("cannot be written: {}", reason)); }
+
+  void next_part() {
+    if (++part_ == specs_.size()) fail("internal error: more rows than parts");
+    row_ = 0;
+    if (!output_->open(name_, specs_[part_], OIIO::ImageOutput::AppendSubimage)) fail(output_->geterror());
+  }
+
+  void write_block(std::span<const PixelStats> pixels, int rows) {
+    block_.resize(pixels.size() * channels_.size());
+    float* out = block_.data();
+    for (size_t i = 0; i < pixels.size(); ++i) {
+      const float* in = reinterpret_cast<const float*>(&pixels[i]);
+      for (const exr::Channel& channel : channels_) {
+        const float value = in[channel.offset];
+        if (!std::isfinite(value)) {
+          const auto width = static_cast<size_t>(rect_.width());
+          fail(fmt::format("channel {} of pixel ({}, {}) is {}", channel.name, rect_.x0 + static_cast<int>(i % width),
+                           rect_.y0 + row_ + static_cast<int>(i / width), value));
+        }
+        *out++ = value;
+      }
+    }
+    const int y = rect_.y0 + row_;
+    if (!output_->write_scanlines(y, y + rows, 0, OIIO::TypeFloat, block_.data())) fail(output_->geterror());
+    row_ += rows;
+  }
+
+  std::string name_;
+  std::vector<exr::Channel> channels_;
+  PixelRect rect_;
+  std::vector<OIIO::ImageSpec> specs_;
+  std::unique_ptr<OIIO::ImageOutput> output_;
+  std::vector<float> block_;
+  size_t part_ = 0;
+  int row_ = 0;
+};
+
+NodeFileInfo info_of(const FrameHeader& header, std::span<const Tile> nodes, std::string_view name) {
+  const auto refuse = [&](std::string_view reason) { throw FilmError(name, reason); };
+  if (nodes.empty()) refuse("cannot be written: no nodes");
+  NodeFileInfo info;
+  info.header = header;
+  info.rect = nodes[0].rect;
+  info.samples = {nodes.front().range.begin, nodes.back().range.end};
+  info.nodes = dyadic_nodes(info.samples);
+  if (info.nodes.size() != nodes.size()) refuse("cannot be written: the nodes are not those of one range of samples");
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    if (!(nodes[i].range == info.nodes[i])) refuse("cannot be written: the nodes are not those of one range of samples");
+    if (!(nodes[i].rect == info.rect)) refuse("cannot be written: its nodes have different rectangles");
+    if (nodes[i].pixels.size() != static_cast<size_t>(info.rect.area())) refuse("cannot be written: a node has too few or too many pixels");
+  }
+  // A pixel without samples is a gap, which only a merge makes, and lists.
+  for (const Tile& node : nodes)
+    for (const PixelStats& pixel : node.pixels)
+      if (pixel.missing()) refuse("cannot be written: a pixel has no samples");
+  return info;
+}
+
+void write_all(PartWriter& writer, const NodeFileInfo& info, std::span<const Tile> nodes) {
+  if (exr::has_fold(info)) {
+    const auto order = fold_order(info.nodes);
+    const auto width = static_cast<size_t>(info.rect.width());
+    std::vector<PixelStats> row(width), pixel(nodes.size());
+    for (int y = 0; y < info.rect.height(); ++y) {
+      for (size_t x = 0; x < width; ++x) {
+        for (size_t i = 0; i < nodes.size(); ++i) pixel[i] = nodes[i].pixels[static_cast<size_t>(y) * width + x];
+        row[x] = fold_in_order(info.nodes, order, pixel);
+      }
+      writer.write(row);
+    }
+  }
+  for (const Tile& node : nodes) writer.write(node.pixels);
+  writer.close();
+}
+
+}  // namespace
+
+void write_exr(const std::filesystem::path& path, const FrameHeader& header, std::span<const Tile> nodes) {
+  const NodeFileInfo info = info_of(header, nodes, path.string());
+  AtomicFile file(path);
+  PartWriter writer(info, file.path().string(), nullptr, path.string());
+  write_all(writer, info, nodes);
+  file.commit();
+}
+
+std::string encode_exr(const FrameHeader& header, std::span<const Tile> nodes) {
+  const std::string name = "a node file in memory";
+  const NodeFileInfo info = info_of(header, nodes, name);
+  if (nodes.size() == 1) {
+    std::vector<unsigned char> bytes;
+    OIIO::Filesystem::IOVecOutput memory(bytes);
+    PartWriter writer(info, name, &memory, name);
+    write_all(writer, info, nodes);
+    return {bytes.begin(), bytes.end()};
+  }
+  const AtomicFile file(std::filesystem::temp_directory_path() / "woodcock-encode.exr");
+  {
+    PartWriter writer(info, file.path().string(), nullptr, name);
+    write_all(writer, info, nodes);
+  }
+  std::ifstream in(file.path(), std::ios::binary);
+  std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  if (!in) throw FilmError(file.path().string(), "cannot be read back");
+  return bytes;
+}
+
+struct ExrWriter::Impl {
+  AtomicFile file;
+  PartWriter writer;
+
+  static NodeFileInfo with_nodes(NodeFileInfo info) {
+    info.nodes = dyadic_nodes(info.samples);
+    return info;
+  }
+  Impl(const std::filesystem::path& path, const NodeFileInfo& info)
+      : file(path), writer(with_nodes(info), file.path().string(), nullptr, path.string()) {}
+};
+
+ExrWriter::ExrWriter(const std::filesystem::path& path, const NodeFileInfo& info) : impl_(std::make_unique<Impl>(path, info)) {}
+ExrWriter::~ExrWriter() = default;
+
+void ExrWriter::write_rows(std::span<const PixelStats> rows) { impl_->writer.write(rows); }
+
+void ExrWriter::commit() {
+  impl_->writer.close();
+  impl_->file.commit();
+}
+
+}  // namespace woodcock
