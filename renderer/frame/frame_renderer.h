@@ -4,12 +4,17 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <string>
 
 #include "renderer/film/tile.h"
 #include "renderer/frame/settings.h"
 #include "renderer/scene/read_scene.h"
+#include "renderer/transport/counters.h"
+#include "renderer/world/world.h"
 
 namespace woodcock {
 
@@ -18,6 +23,9 @@ struct RenderProgress {
   std::atomic<uint64_t> samples{0};  ///< camera paths finished
   std::atomic<uint64_t> bounces{0};  ///< path vertices: moves even when one sample takes long
   std::atomic<bool> cancel{false};   ///< set to make render() return early
+
+  std::mutex counters_mutex;  ///< guards `counters`
+  PathCounters counters;      ///< of the tiles that are finished
 };
 
 /// One frame of a scene, loaded and compiled: immutable, shareable between threads.
@@ -35,7 +43,9 @@ class FrameRenderer {
   const FrameHeader& header() const;
   /// Samples per pixel after overrides.
   int64_t samples() const;
+  /// The scene with the settings applied.
   const SceneDescription& description() const;
+  const World& world() const;
 
   /// Renders `range` (an aligned power of two) of every pixel of `rect` with up to `threads` threads.
   /// Returns nullopt when cancelled. The result does not depend on `threads`.

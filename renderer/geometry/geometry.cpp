@@ -46,8 +46,12 @@ struct Query {
   RTCIntersectContext context;  ///< first, so that Embree's pointer to it is a pointer to the query
   DVec3 o, d;
   double t_max = 0;
-  IgnoredPrimitive ignored;
-  const void* geometry = nullptr;
+  TargetPrimitive target;
+
+  /// How far a primitive may be hit: on the target the last thousandth of the way is the sampled point itself.
+  double limit(int shape, uint32_t primitive) const {
+    return shape == target.shape && primitive == target.primitive ? t_max * (1 - 1e-3) : t_max;
+  }
 };
 
 }  // namespace
@@ -134,14 +138,11 @@ RTCGeometry Geometry::Impl::make_geometry(int shape) {
       const auto* impl = static_cast<const ShapeUser*>(args->geometryUserPtr)->impl;
       const uint32_t primitive = RTCHitN_primID(args->hit, 1, 0);
       const auto [shape_index, instance] = impl->resolve(RTCHitN_geomID(args->hit, 1, 0), RTCHitN_instID(args->hit, 1, 0, 0));
-      if (shape_index == query->ignored.shape && primitive == query->ignored.primitive) {
-        args->valid[0] = 0;
-        return;
-      }
       DVec3 o = query->o, d = query->d;
       impl->to_object(instance, o, d);
-      const auto hit = impl->intersect_primitive(shape_index, primitive, o, d, 0, query->t_max);
-      if (hit && !(hit->t > 0 && hit->t < query->t_max)) args->valid[0] = 0;
+      const double limit = query->limit(shape_index, primitive);
+      const auto hit = impl->intersect_primitive(shape_index, primitive, o, d, 0, limit);
+      if (hit && !(hit->t > 0 && hit->t < limit)) args->valid[0] = 0;
     });
     rtcCommitGeometry(g);
     return g;
@@ -186,11 +187,10 @@ RTCGeometry Geometry::Impl::make_geometry(int shape) {
     if (args->valid[0] == 0) return;
     const auto* user = static_cast<const ShapeUser*>(args->geometryUserPtr);
     const auto* query = reinterpret_cast<const Query*>(args->context);
-    if (user->shape == query->ignored.shape && args->primID == query->ignored.primitive) return;
     const auto instance = user->impl->resolve(args->geomID, args->context->instID[0]).second;
     DVec3 o = query->o, d = query->d;
     user->impl->to_object(instance, o, d);
-    if (user->impl->intersect_primitive(user->shape, args->primID, o, d, 0, query->t_max)) {
+    if (user->impl->intersect_primitive(user->shape, args->primID, o, d, 0, query->limit(user->shape, args->primID))) {
       reinterpret_cast<RTCRay*>(args->ray)->tfar = -std::numeric_limits<float>::infinity();
     }
   });
@@ -285,13 +285,13 @@ std::optional<Hit> Geometry::intersect(const Ray& ray, double t_max) const {
   return std::nullopt;
 }
 
-bool Geometry::occluded(const Ray& ray, double t_max, IgnoredPrimitive ignored) const {
+bool Geometry::occluded(const Ray& ray, double t_max, TargetPrimitive target) const {
   Query query;
   rtcInitIntersectContext(&query.context);
   query.o = ray.o;
   query.d = ray.d;
   query.t_max = t_max;
-  query.ignored = ignored;
+  query.target = target;
   RTCRay r{};
   r.org_x = ray.o.x;
   r.org_y = ray.o.y;

@@ -14,8 +14,8 @@
 
 namespace woodcock {
 
-/// A primitive that a query does not see: the emitter that a shadow ray aims at.
-struct IgnoredPrimitive {
+/// The primitive that a shadow ray aims at: a hit on it at the end of the way is no occlusion.
+struct TargetPrimitive {
   int shape = -1;
   uint32_t primitive = 0;
 };
@@ -42,8 +42,8 @@ class Geometry {
   /// The nearest hit with 0 < t < t_max (t in lengths of ray.d).
   std::optional<Hit> intersect(const Ray& ray, double t_max) const;
 
-  /// Whether anything but `ignored` lies at 0 < t < t_max.
-  bool occluded(const Ray& ray, double t_max, IgnoredPrimitive ignored) const;
+  /// Whether anything lies at 0 < t < t_max; on `target` only hits before 0.999 t_max count.
+  bool occluded(const Ray& ray, double t_max, TargetPrimitive target) const;
 
   /// The local geometry at a hit that intersect() returned for this ray.
   SurfacePoint surface(const Hit& hit, const Ray& ray) const;

@@ -1,0 +1,18 @@
+# Writes a header with the SHA-256 of everything a render's bits depend on: the renderer's sources and the flags.
+# Run as a script: cmake -DROOT=… -DFLAGS=… -DOUTPUT=… -P SourcesDigest.cmake
+file(GLOB_RECURSE files RELATIVE ${ROOT} ${ROOT}/renderer/*.h ${ROOT}/renderer/*.cpp)
+list(SORT files)
+set(all "${FLAGS}")
+foreach(file IN LISTS files)
+  file(SHA256 ${ROOT}/${file} digest)
+  string(APPEND all "${file} ${digest}\n")
+endforeach()
+string(SHA256 digest "${all}")
+set(text "// Made by cmake/SourcesDigest.cmake.\n#pragma once\nnamespace woodcock {\ninline constexpr char kSourcesDigest[] = \"${digest}\";\n}\n")
+set(old "")
+if(EXISTS ${OUTPUT})
+  file(READ ${OUTPUT} old)
+endif()
+if(NOT old STREQUAL text)
+  file(WRITE ${OUTPUT} "${text}")
+endif()

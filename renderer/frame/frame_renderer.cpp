@@ -1,0 +1,112 @@
+#include "renderer/frame/frame_renderer.h"
+
+#include <tbb/blocked_range2d.h>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <cmath>
+#include <stdexcept>
+
+#include "renderer/frame/frame_header.h"
+#include "renderer/transport/path.h"
+#include "renderer/world/world.h"
+
+namespace woodcock {
+
+struct FrameRenderer::Impl {
+  SceneDescription scene;
+  FrameHeader header;
+  std::unique_ptr<const World> world;
+  PathSettings path;
+};
+
+FrameRenderer::FrameRenderer(const std::string& scene_path, const FrameSettings& settings, const ReadOptions& options,
+                             const std::function<void(const char* phase)>& phase)
+    : impl_(std::make_unique<Impl>()) {
+  if (phase) phase("loading");
+  ReadOptions read = options;
+  read.allow_unsupported |= settings.allow_unsupported;
+  impl_->scene = read_scene(scene_path, read);
+  apply_settings(settings, impl_->scene);
+  if (phase) phase("building");
+  impl_->world = build_world(impl_->scene);
+  if (options.warn) {
+    for (const auto& note : impl_->world->notes) options.warn(note);
+  }
+  impl_->header = frame_header(impl_->scene, settings);
+  impl_->header.build = render_build();
+  impl_->header.arithmetic_class = arithmetic_class();
+  impl_->path.frame_seed = frame_seed(impl_->scene.settings.seed, settings.frame);
+  impl_->path.max_depth = impl_->scene.settings.max_depth;
+}
+
+FrameRenderer::~FrameRenderer() = default;
+FrameRenderer::FrameRenderer(FrameRenderer&&) noexcept = default;
+
+const FrameHeader& FrameRenderer::header() const { return impl_->header; }
+int64_t FrameRenderer::samples() const { return impl_->scene.settings.samples_per_pixel; }
+const SceneDescription& FrameRenderer::description() const { return impl_->scene; }
+const World& FrameRenderer::world() const { return *impl_->world; }
+
+std::optional<Tile> FrameRenderer::render(const PixelRect& rect, const SampleRange& range, int threads, RenderProgress& progress) const {
+  if (!is_dyadic(range)) throw std::invalid_argument("FrameRenderer::render: the sample range must be one aligned power of two");
+  if (rect.empty() || !impl_->header.bounds.contains(rect))
+    throw std::invalid_argument("FrameRenderer::render: the rectangle lies outside the frame");
+
+  Tile tile{rect, range, std::vector<PixelStats>(static_cast<size_t>(rect.area()))};
+  const FilmDescription& film = impl_->scene.film;
+
+  const auto render_pixel = [&](int x, int y, PathCounters& count) {
+    PixelAccumulator accumulator(range);
+    uint64_t reported_vertices = count.vertices, reported_samples = 0;
+    for (int64_t i = range.begin; i < range.end; ++i) {
+      const PathKey key = path_key(impl_->path.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i));
+      const CameraSample camera = camera_sample(*impl_->world, key, x, y);
+      PathResult path = trace_path(*impl_->world, impl_->path, camera.ray, key, count);
+      path.radiance *= camera.weight * film.image_scale;
+      // A sample that is not finite contributes nothing but still counts: it is reported, not hidden.
+      if (!is_finite(path.radiance)) {
+        ++count.nonfinite;
+        path.radiance = Rgb(0);
+      }
+      const float largest = max_component(path.radiance);
+      if (largest > film.max_component_value) {
+        ++count.clamped;
+        path.radiance *= film.max_component_value / largest;
+      }
+      accumulator.push(leaf(path.radiance, {path.albedo, path.normal, path.depth}, i));
+      if (++reported_samples == 64) {
+        progress.samples.fetch_add(reported_samples, std::memory_order_relaxed);
+        progress.bounces.fetch_add(count.vertices - reported_vertices, std::memory_order_relaxed);
+        reported_samples = 0;
+        reported_vertices = count.vertices;
+        if (progress.cancel.load(std::memory_order_relaxed)) return;
+      }
+    }
+    progress.samples.fetch_add(reported_samples, std::memory_order_relaxed);
+    progress.bounces.fetch_add(count.vertices - reported_vertices, std::memory_order_relaxed);
+    tile.pixels[static_cast<size_t>(y - rect.y0) * static_cast<size_t>(rect.width()) + static_cast<size_t>(x - rect.x0)] =
+        accumulator.result();
+  };
+
+  tbb::enumerable_thread_specific<PathCounters> counters;
+  tbb::task_arena arena(threads);
+  arena.execute([&] {
+    tbb::parallel_for(tbb::blocked_range2d<int>(rect.y0, rect.y1, 4, rect.x0, rect.x1, 4), [&](const tbb::blocked_range2d<int>& block) {
+      PathCounters& count = counters.local();
+      for (int y = block.rows().begin(); y < block.rows().end(); ++y) {
+        for (int x = block.cols().begin(); x < block.cols().end(); ++x) {
+          if (progress.cancel.load(std::memory_order_relaxed)) return;
+          render_pixel(x, y, count);
+        }
+      }
+    });
+  });
+  if (progress.cancel) return std::nullopt;
+  const std::lock_guard lock(progress.counters_mutex);
+  for (const PathCounters& c : counters) progress.counters.add(c);
+  return tile;
+}
+
+}  // namespace woodcock

@@ -1,0 +1,32 @@
+// What a render did and what went wrong, counted by cause. Each thread has its own and adds them up.
+#pragma once
+
+#include <cstdint>
+
+namespace woodcock {
+
+struct PathCounters {
+  uint64_t paths = 0;
+  uint64_t vertices = 0;             ///< scatterings at surfaces and in media
+  uint64_t rays = 0;                 ///< closest-hit queries of paths
+  uint64_t shadow_rays = 0;          ///< light samples that were traced
+  uint64_t medium_lookups = 0;       ///< coefficients of grid media evaluated
+  uint64_t nonfinite = 0;            ///< samples with a NaN or an infinity: they count as zero
+  uint64_t clamped = 0;              ///< samples that the film's maxcomponentvalue cut
+  uint64_t majorant_violations = 0;  ///< look-ups with σt above the bound
+  uint64_t truncated = 0;            ///< paths cut off after too many boundaries without a scattering
+
+  void add(const PathCounters& o) {
+    paths += o.paths;
+    vertices += o.vertices;
+    rays += o.rays;
+    shadow_rays += o.shadow_rays;
+    medium_lookups += o.medium_lookups;
+    nonfinite += o.nonfinite;
+    clamped += o.clamped;
+    majorant_violations += o.majorant_violations;
+    truncated += o.truncated;
+  }
+};
+
+}  // namespace woodcock

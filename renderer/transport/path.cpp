@@ -1,0 +1,391 @@
+#include "renderer/transport/path.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "renderer/transport/transmittance.h"
+
+namespace woodcock {
+namespace {
+
+constexpr int kMaxCrossings = 10000;
+
+/// The power heuristic for two strategies (Veach 1997, section 9.2.4), written as a ratio so that large pdfs do not
+/// overflow.
+float mis_weight(float pdf, float other) {
+  if (!(pdf > 0)) return 0;
+  const float r = other / pdf;
+  return 1 / (1 + r * r);
+}
+
+/// A frame around ns whose first axis follows ∂p/∂u, for anisotropic roughness.
+Frame shading_frame(Vec3 ns, Vec3 dpdu) {
+  const Vec3 s = dpdu - ns * glm::dot(ns, dpdu);
+  const float length2 = length_squared(s);
+  if (!(length2 > 1e-12f * length_squared(dpdu))) return Frame::from_normal(ns);
+  const Vec3 unit = s / std::sqrt(length2);
+  return {unit, glm::cross(ns, unit), ns};
+}
+
+/// (1 − exp(−σ t))/σ per channel: the length over which emission is seen. t where σ = 0.
+Rgb seen_length(Rgb sigma, float t) {
+  Rgb result;
+  for (int c = 0; c < 3; ++c) {
+    result[c] = sigma[c] == 0 ? t : static_cast<float>(-std::expm1(-static_cast<double>(sigma[c]) * t) / static_cast<double>(sigma[c]));
+  }
+  return result;
+}
+
+/// One path. Members carry what the next event needs; see trace_path for the equation.
+///
+/// Extinction may differ between channels. The path is sampled for one hero channel chosen uniformly; `channel_pdf`
+/// holds each channel's density of the same path relative to the hero's, and dividing by its mean is the balance
+/// heuristic over the three techniques (Wilkie et al. 2014; Miller, Georgiev & Jarosz 2019, section 5). It stays
+/// exactly (1, 1, 1) in grey media.
+class Path {
+ public:
+  Path(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count)
+      : world_(world), settings_(settings), count_(count), key_(key), ray_(ray), medium_(world.camera_medium), flight_(0), crossing_(0) {
+    if (world.has_chromatic_media) hero_ = std::min(2, static_cast<int>(stream(key, 0, Purpose::kHeroChannel).uniform() * 3));
+    begin_segment();
+  }
+
+  PathResult run() {
+    int crossings = 0;
+    while (true) {
+      if (++crossings > kMaxCrossings) {
+        ++count_.truncated;
+        break;
+      }
+      ++count_.rays;
+      const auto hit = world_.geometry.intersect(ray_, kInf);
+      if (medium_ != kNone) {
+        const auto t = fly(hit ? static_cast<float>(hit->t) : kInf);
+        if (ended_) break;
+        if (t) {
+          if (!scatter_in_medium(*t)) break;
+          crossings = 0;
+          continue;
+        }
+      }
+      if (!hit) {
+        add_environment();
+        break;
+      }
+      travelled_ += hit->t;
+      const uint32_t vertex_before = vertex_;
+      if (!meet_surface(*hit)) break;
+      if (vertex_ != vertex_before) crossings = 0;
+    }
+    return result_;
+  }
+
+ private:
+  /// Throughput with the MIS over hero channels applied.
+  Rgb weight() const { return beta_ / average(channel_pdf_); }
+  void add(Rgb radiance) { result_.radiance += weight() * radiance; }
+
+  /// New numbers for the flight from the current vertex; they go on across interfaces.
+  void begin_segment() {
+    flight_ = stream(key_, vertex_, Purpose::kFreeFlight);
+    crossing_ = stream(key_, vertex_, Purpose::kMaterial);
+  }
+
+  bool may_scatter() const { return depth_ < settings_.max_depth; }
+
+  /// Flies through the current medium up to t_max: adds its emission, and returns the distance of a scattering, with
+  /// the throughput updated, or nothing when the ray gets through.
+  std::optional<float> fly(float t_max) {
+    const Medium& medium = world_.media[medium_];
+    return medium.is_homogeneous() ? fly_homogeneous(medium, t_max) : fly_grid(medium, t_max);
+  }
+
+  /// Closed forms. Emission of the whole segment: ∫₀ᵗ exp(−σt s) σa Le ds.
+  std::optional<float> fly_homogeneous(const Medium& medium, float t_max) {
+    const MediumPoint& m = medium.homogeneous();
+    const Rgb sigma_t = m.sigma_t();
+    if (medium.emits()) add(m.emission * seen_length(sigma_t, t_max));
+    if (!medium.scatters() || !may_scatter()) {
+      beta_ *= attenuation(sigma_t, t_max);
+      ended_ = is_black(beta_);
+      return std::nullopt;
+    }
+    const float hero_sigma = sigma_t[hero_];
+    const float t = hero_sigma > 0 ? flight_.exponential() / hero_sigma : kInf;
+    // Densities relative to the hero's: exp(−(σt − σt_hero) t), formed in the exponent so that nothing underflows.
+    const Rgb excess = sigma_t - Rgb(hero_sigma);
+    Rgb relative{1};
+    const float reached = std::min(t, t_max);
+    for (int c = 0; c < 3; ++c) {
+      if (excess[c] != 0) relative[c] = std::exp(-excess[c] * reached);
+    }
+    if (t >= t_max) {
+      beta_ *= relative;
+      channel_pdf_ *= relative;
+      return std::nullopt;
+    }
+    beta_ *= relative * m.sigma_s / hero_sigma;
+    channel_pdf_ *= relative * sigma_t / hero_sigma;
+    ended_ = is_black(beta_);
+    return t;
+  }
+
+  /// Woodcock tracking with weights: at a tentative collision under the majorant σ̄ the path scatters with probability
+  /// q = σs/(σs + σn), σn = σ̄ − σt, and goes on otherwise; either way its weight is (σs + σn)/σ̄ = 1 − σa/σ̄, so that
+  /// absorption dims paths and never kills them (Raab, Seibert & Keller 2006; Galtier et al. 2013). Emission adds
+  /// σa Le/σ̄ at every tentative collision.
+  std::optional<float> fly_grid(const Medium& medium, float t_max) {
+    const bool scatters = medium.scatters() && may_scatter();
+    if (!scatters && !medium.emits()) {
+      beta_ *= estimate_transmittance(medium, ray_, t_max, flight_, count_);
+      ended_ = is_black(beta_);
+      return std::nullopt;
+    }
+    MajorantWalk walk(medium, ray_, t_max);
+    while (const auto segment = walk.next()) {
+      const float majorant = segment->sigma, inverse = 1 / majorant;
+      float t = segment->t0;
+      while ((t += flight_.exponential() * inverse) < segment->t1) {
+        ++count_.medium_lookups;
+        const MediumPoint m = medium.at(ray_.at(t));
+        if (medium.emits()) add(m.emission * inverse);
+        Rgb sigma_n = Rgb(majorant) - m.sigma_t();
+        for (int c = 0; c < 3; ++c) {
+          if (sigma_n[c] < 0) {
+            // Rounding of the interpolation is no violation; the bound carries an allowance for it.
+            if (sigma_n[c] < -1e-4f * majorant) ++count_.majorant_violations;
+            sigma_n[c] = 0;
+          }
+        }
+        const Rgb sigma_s = scatters ? m.sigma_s : Rgb(0);
+        const float hero_sum = sigma_s[hero_] + sigma_n[hero_];
+        const float q = hero_sum > 0 ? sigma_s[hero_] / hero_sum : 0;
+        const bool real = scatters && flight_.uniform() < q;
+        const float probability = real ? q : 1 - q;
+        if (!(probability > 0)) {
+          // Nothing scatters and nothing is null here: the hero channel is absorbed.
+          ended_ = true;
+          return std::nullopt;
+        }
+        beta_ *= (real ? sigma_s : sigma_n) * (inverse / probability);
+        if (world_.has_chromatic_media) {
+          for (int c = 0; c < 3; ++c) {
+            const float sum = sigma_s[c] + sigma_n[c];
+            const float qc = sum > 0 ? sigma_s[c] / sum : 0;
+            channel_pdf_[c] *= (real ? qc : 1 - qc) / probability;
+          }
+        }
+        if (is_black(beta_)) {
+          ended_ = true;
+          return std::nullopt;
+        }
+        if (real) return t;
+      }
+    }
+    return std::nullopt;
+  }
+
+  bool scatter_in_medium(float t) {
+    const Medium& medium = world_.media[medium_];
+    const Vec3 p = ray_.at(t);
+    travelled_ += t;
+    if (!first_seen_) see_first(albedo(medium, p), Vec3(0));
+    next_vertex();
+    const HenyeyGreenstein& phase = medium.phase();
+    const Vec3 wo = -ray_.d;
+
+    sample_light(p, [&](Vec3 wi, Rgb& value, float& pdf, Ray& shadow, int& shadow_medium) {
+      pdf = phase.eval(wo, wi);
+      value = Rgb(pdf);
+      shadow = {p, wi, ray_.time};
+      shadow_medium = medium_;
+    });
+
+    Stream direction = stream(key_, vertex_, Purpose::kDirection);
+    const auto sample = phase.sample(wo, direction.uniform2());
+    ray_ = {p, sample.wi, ray_.time};
+    direction_pdf_ = sample.pdf;
+    after_scattering(p);
+    return survives_roulette();
+  }
+
+  /// Handles a hit. False ends the path.
+  bool meet_surface(const Hit& hit) {
+    const SurfacePoint s = world_.geometry.surface(hit, ray_);
+    const SurfaceInfo& info = world_.surfaces[static_cast<size_t>(hit.shape)];
+    const TextureContext context{s.uv, s.p};
+    if (info.passes_shadows && !info.is_interface && crossing_.uniform() >= world_.textures.eval(info.alpha, context)) {
+      ray_.o = offset_origin(s, ray_.d);
+      return true;
+    }
+    if (info.light != kNone) add_emission(hit, s, info.light);
+    std::optional<Bsdf> bsdf;
+    int material = info.material;
+    if (!info.is_interface) {
+      material = world_.materials.resolve(material, context, crossing_);
+      bsdf = world_.materials.bsdf(material, context, crossing_);
+    }
+    if (!bsdf) {
+      medium_ = world_.medium_after(info, s.ng, ray_.d, medium_);
+      ray_.o = offset_origin(s, ray_.d);
+      return true;
+    }
+    const Vec3 ns = world_.materials.shading_normal(material, context, {s.ns, s.dpdu, s.dpdv});
+    const Frame frame = shading_frame(ns, s.dpdu);
+    const Vec3 wo = frame.to_local(-ray_.d);
+    if (!first_seen_) see_first(albedo(*bsdf, wo), ns);
+    if (!may_scatter()) return false;
+    next_vertex();
+
+    Stream layered = stream(key_, vertex_, Purpose::kLayered);
+    if (!is_specular(*bsdf)) {
+      sample_light(s.p, [&](Vec3 wi, Rgb& value, float& pdf, Ray& shadow, int& shadow_medium) {
+        const Vec3 local = frame.to_local(wi);
+        value = eval(*bsdf, wo, local, layered);
+        pdf = woodcock::pdf(*bsdf, wo, local);
+        shadow = {offset_origin(s, wi), wi, ray_.time};
+        shadow_medium = world_.medium_after(info, s.ng, wi, medium_);
+      });
+    }
+
+    Stream direction = stream(key_, vertex_, Purpose::kDirection);
+    const auto sample = woodcock::sample(*bsdf, wo, direction, layered);
+    if (!sample) return false;
+    beta_ *= sample->weight;
+    if (is_black(beta_)) return false;
+    if (sample->transmission) eta_scale_ *= sample->eta * sample->eta;
+    const Vec3 wi = glm::normalize(frame.to_world(sample->wi));
+    medium_ = world_.medium_after(info, s.ng, wi, medium_);
+    ray_ = {offset_origin(s, wi), wi, ray_.time};
+    direction_pdf_ = sample->specular ? 0 : sample->pdf;
+    after_scattering(s.p);
+    return survives_roulette();
+  }
+
+  /// Next-event estimation: one light, chosen by power. `evaluate` gives f·|cos| and the pdf of sampling the
+  /// direction by scattering, and the shadow ray with its medium.
+  template <typename Evaluate>
+  void sample_light(Vec3 reference, Evaluate&& evaluate) {
+    const auto choice = world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform());
+    if (!choice) return;
+    Stream random = stream(key_, vertex_, Purpose::kLightSample);
+    const Vec2 u = random.uniform2();
+    const auto light = world_.lights.sample(choice->light, reference, u, random.uniform());
+    if (!light || is_black(light->radiance)) return;
+    Rgb value{0};
+    float scattering_pdf = 0;
+    Ray shadow;
+    int shadow_medium = kNone;
+    evaluate(light->wi, value, scattering_pdf, shadow, shadow_medium);
+    if (is_black(value)) return;
+    float distance = light->distance;
+    if (std::isfinite(distance)) {
+      // The ray starts at the offset origin, so it is aimed anew.
+      const Vec3 target = light->shape != kNone ? light->p : reference + light->wi * distance;
+      const Vec3 to = target - shadow.o;
+      distance = glm::length(to);
+      if (!(distance > 0)) return;
+      shadow.d = to / distance;
+    }
+    Stream tracking = stream(key_, vertex_, Purpose::kTransmittance);
+    const Rgb transmittance =
+        shadow_transmittance(world_, shadow, distance, shadow_medium, {light->shape, light->primitive}, tracking, count_);
+    if (is_black(transmittance)) return;
+    const float light_pdf = choice->pmf * light->pdf;
+    const float mis = light->delta ? 1 : mis_weight(light_pdf, scattering_pdf);
+    add(value * light->radiance * transmittance * (mis / light_pdf));
+  }
+
+  void add_emission(const Hit& hit, const SurfacePoint& s, int light) {
+    const EmitterHit emitter{s.p, s.ng, s.uv, hit.primitive};
+    const Rgb radiance = world_.lights.emitted(light, emitter, -ray_.d);
+    if (is_black(radiance)) return;
+    float mis = 1;
+    if (direction_pdf_ > 0)
+      mis = mis_weight(direction_pdf_, world_.lights.pmf(light) * world_.lights.pdf(light, reference_, emitter, ray_.d));
+    add(radiance * mis);
+  }
+
+  void add_environment() {
+    if (!world_.lights.has_environment()) return;
+    float mis = 1;
+    if (direction_pdf_ > 0) mis = mis_weight(direction_pdf_, world_.lights.environment_pdf(ray_.d));
+    add(world_.lights.environment(ray_.d) * mis);
+  }
+
+  void see_first(Rgb albedo, Vec3 normal) {
+    first_seen_ = true;
+    result_.albedo = albedo;
+    result_.normal = normal;
+    result_.depth = static_cast<float>(travelled_ / world_.space.scale);
+  }
+
+  void next_vertex() {
+    ++vertex_;
+    ++depth_;
+    ++count_.vertices;
+  }
+
+  void after_scattering(Vec3 at) {
+    reference_ = at;
+    travelled_ = 0;
+    if (world_.has_chromatic_media) {
+      // Only the ratio of the two counts: kept near one, thousands of scatterings neither overflow nor vanish.
+      const float largest = max_component(channel_pdf_);
+      beta_ /= largest;
+      channel_pdf_ /= largest;
+    }
+    begin_segment();
+  }
+
+  /// Russian roulette on the throughput relative to what refraction alone does to radiance (η²).
+  bool survives_roulette() {
+    if (depth_ < 2) return true;
+    const float q = max_component(weight()) * eta_scale_;
+    if (q >= 1) return true;
+    if (!(q > 0) || stream(key_, vertex_, Purpose::kRoulette).uniform() >= q) return false;
+    beta_ /= q;
+    return true;
+  }
+
+  const World& world_;
+  const PathSettings& settings_;
+  PathCounters& count_;
+  const PathKey key_;
+  PathResult result_;
+
+  Ray ray_;
+  int medium_;
+  Stream flight_, crossing_;
+  Rgb beta_{1};
+  Rgb channel_pdf_{1};
+  int hero_ = 0;
+  int depth_ = 0;
+  uint32_t vertex_ = 0;
+  float eta_scale_ = 1;
+  /// Of the last scattering: the point it happened at and the pdf of the direction, 0 where light sampling could not
+  /// have given it (camera, specular).
+  Vec3 reference_{0};
+  float direction_pdf_ = 0;
+  double travelled_ = 0;  ///< since the last scattering, render units
+  bool first_seen_ = false;
+  bool ended_ = false;
+};
+
+}  // namespace
+
+PathResult trace_path(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
+  ++count.paths;
+  return Path(world, settings, ray, key, count).run();
+}
+
+CameraSample camera_sample(const World& world, PathKey key, int x, int y) {
+  Stream film = stream(key, 0, Purpose::kPixelFilter);
+  const auto filtered = world.filter.sample(film.uniform2());
+  Stream lens = stream(key, 0, Purpose::kLens);
+  Stream time = stream(key, 0, Purpose::kTime);
+  const DVec2 position = DVec2(x + 0.5, y + 0.5) + filtered.offset;
+  return {world.camera.ray(position, lens.uniform2(), time.uniform()), filtered.weight};
+}
+
+}  // namespace woodcock

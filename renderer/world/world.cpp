@@ -1,0 +1,206 @@
+#include "renderer/world/world.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "renderer/scene/scene_error.h"
+#include "renderer/world/compile_shapes.h"
+
+namespace woodcock {
+namespace {
+
+struct DBox {
+  DVec3 lower{std::numeric_limits<double>::infinity()}, upper{-std::numeric_limits<double>::infinity()};
+  void add(DVec3 p) {
+    lower = glm::min(lower, p);
+    upper = glm::max(upper, p);
+  }
+  bool empty() const { return !(lower.x <= upper.x); }
+};
+
+DVec3 transform_point(const DMat4& m, DVec3 p) { return DVec3(m * glm::dvec4(p, 1)); }
+
+/// Bounds of a shape in the space that `m` leads to, from the corners of its object-space box.
+void add_bounds(const ShapeDescription& shape, const DMat4& m, DBox& box) {
+  DBox object;
+  const auto add_points = [&](const auto& mesh) {
+    for (const DVec3 p : mesh->positions) object.add(p);
+  };
+  if (const auto* mesh = std::get_if<std::shared_ptr<const TriangleMesh>>(&shape.kind)) {
+    add_points(*mesh);
+  } else if (const auto* patches = std::get_if<std::shared_ptr<const BilinearMesh>>(&shape.kind)) {
+    add_points(*patches);
+  } else {
+    double r = 0, z0 = 0, z1 = 0;
+    if (const auto* s = std::get_if<SphereDescription>(&shape.kind)) r = s->radius, z0 = s->z_min, z1 = s->z_max;
+    if (const auto* d = std::get_if<DiskDescription>(&shape.kind)) r = d->radius, z0 = z1 = d->height;
+    if (const auto* c = std::get_if<CylinderDescription>(&shape.kind)) r = c->radius, z0 = c->z_min, z1 = c->z_max;
+    object.add({-r, -r, z0});
+    object.add({r, r, z1});
+  }
+  if (object.empty()) return;
+  const DMat4 to = m * shape.world_from_object;
+  for (int i = 0; i < 8; ++i) {
+    box.add(transform_point(to, {(i & 1) != 0 ? object.upper.x : object.lower.x, (i & 2) != 0 ? object.upper.y : object.lower.y,
+                                 (i & 4) != 0 ? object.upper.z : object.lower.z}));
+  }
+}
+
+/// The power of two next above `x`.
+double power_of_two_above(double x) { return std::exp2(std::ceil(std::log2(x))); }
+
+void describe_surface(const SceneDescription& scene, const ShapeDescription& shape, const Materials& materials, SurfaceInfo& info) {
+  info.material = shape.material;
+  info.alpha = shape.alpha;
+  info.is_boundary = shape.media.given;
+  info.inside = shape.media.inside;
+  info.outside = shape.media.outside;
+  info.is_interface = shape.material == kNone || materials.is_interface(shape.material);
+  const bool opaque = shape.alpha.texture == kNone && shape.alpha.value >= 1;
+  const bool mix = !info.is_interface && std::holds_alternative<MixDescription>(scene.materials[static_cast<size_t>(shape.material)].kind);
+  info.passes_shadows = info.is_interface || !opaque || mix;
+}
+
+}  // namespace
+
+RenderSpace choose_render_space(const SceneDescription& scene) {
+  DBox box;
+  for (const auto& s : scene.shapes) add_bounds(s, DMat4(1), box);
+  for (const auto& i : scene.instances) {
+    for (const auto& s : scene.objects[static_cast<size_t>(i.object)].shapes) add_bounds(s, i.world_from_instance, box);
+  }
+  const DVec3 eye = transform_point(scene.camera.world_from_camera, DVec3(0));
+  box.add(eye);
+  RenderSpace space;
+  // The scene's size without the distance to the camera would let a far camera lose precision, so the eye counts.
+  const double size = glm::length(box.upper - box.lower);
+  space.scale = size > 0 && std::isfinite(size) ? 1 / power_of_two_above(size) : 1;
+  const double grid = size > 0 && std::isfinite(size) ? power_of_two_above(size) / 4 : 1;
+  for (int i = 0; i < 3; ++i) space.center[i] = std::round(eye[i] / grid) * grid;
+  space.render_from_world = DMat4(1);
+  for (int i = 0; i < 3; ++i) {
+    space.render_from_world[i][i] = space.scale;
+    space.render_from_world[3][i] = -space.scale * space.center[i];
+  }
+  space.world_from_render = DMat4(1);
+  for (int i = 0; i < 3; ++i) {
+    space.world_from_render[i][i] = 1 / space.scale;
+    space.world_from_render[3][i] = space.center[i];
+  }
+  return space;
+}
+
+std::unique_ptr<const World> build_world(const SceneDescription& scene) {
+  const RenderSpace space = choose_render_space(scene);
+  std::vector<std::string> notes;
+  size_t dropped = 0;
+
+  std::vector<Shape> shapes;
+  for (const auto& s : scene.shapes) shapes.push_back(compile_shape(s, space.render_from_world, dropped));
+  const int top_level = static_cast<int>(shapes.size());
+
+  // An object keeps a space of its own, centred on it, so that its vertices lose no digits wherever it was defined.
+  std::vector<Geometry::Object> objects;
+  std::vector<DMat4> definition_from_object;
+  for (const auto& o : scene.objects) {
+    DBox box;
+    for (const auto& s : o.shapes) add_bounds(s, DMat4(1), box);
+    const DVec3 center = box.empty() ? DVec3(0) : 0.5 * (box.lower + box.upper);
+    DMat4 to_object(1), from_object(1);
+    for (int i = 0; i < 3; ++i) {
+      to_object[i][i] = space.scale;
+      to_object[3][i] = -space.scale * center[i];
+      from_object[i][i] = 1 / space.scale;
+      from_object[3][i] = center[i];
+    }
+    objects.push_back({static_cast<int>(shapes.size()), static_cast<int>(o.shapes.size())});
+    definition_from_object.push_back(from_object);
+    for (const auto& s : o.shapes) shapes.push_back(compile_shape(s, to_object, dropped));
+  }
+  std::vector<Geometry::Instance> instances;
+  for (const auto& i : scene.instances) {
+    instances.push_back(
+        {i.object, space.render_from_world * i.world_from_instance * definition_from_object[static_cast<size_t>(i.object)]});
+  }
+  if (dropped > 0) notes.push_back(std::to_string(dropped) + " triangles or patches without area were left out");
+
+  Geometry geometry(std::move(shapes), top_level, std::move(objects), std::move(instances));
+  const Box3 bounds = geometry.bounds();
+  Lights lights(scene, geometry.shapes(), space.render_from_world, space.scale, bounds);
+  auto world = std::unique_ptr<World>(new World{space,
+                                                std::move(geometry),
+                                                Textures(scene, space.world_from_render),
+                                                {},
+                                                {},
+                                                std::move(lights),
+                                                Camera(scene.camera, scene.film, space.render_from_world, space.scale),
+                                                PixelFilter(scene.film.filter),
+                                                {},
+                                                kNone,
+                                                false,
+                                                false,
+                                                std::move(notes)});
+  world->materials = Materials(scene, world->textures);
+  world->media = Media(scene, space.render_from_world, space.scale);
+  for (const auto& note : world->media.notes()) world->notes.push_back(note);
+
+  const auto add_surface = [&](const ShapeDescription& s, int shape) {
+    SurfaceInfo info;
+    describe_surface(scene, s, world->materials, info);
+    if (shape < top_level) info.light = world->lights.light_of_shape(shape);
+    world->has_passable_surfaces |= info.passes_shadows;
+    world->surfaces.push_back(info);
+  };
+  int index = 0;
+  for (const auto& s : scene.shapes) add_surface(s, index++);
+  for (const auto& o : scene.objects) {
+    for (const auto& s : o.shapes) add_surface(s, index++);
+  }
+  for (int m = 0; m < world->media.size(); ++m) world->has_chromatic_media |= !world->media[m].is_grey();
+
+  const int found = find_medium(world->geometry, world->surfaces, world->camera.position());
+  world->camera_medium = found;
+  if (scene.camera.media.given) {
+    world->camera_medium = scene.camera.media.outside;
+    if (found != world->camera_medium && found != kNone) {
+      world->notes.push_back("the camera's MediumInterface names the medium \"" +
+                             (world->camera_medium == kNone ? std::string() : scene.media[static_cast<size_t>(world->camera_medium)].name) +
+                             "\", but the boundaries around it say \"" + scene.media[static_cast<size_t>(found)].name +
+                             "\"; the camera's own word is used");
+    }
+  }
+  return world;
+}
+
+int find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Vec3 point) {
+  // Directions without symmetry, so that rays along edges of aligned boxes are unlikely; the majority decides.
+  constexpr std::array<Vec3, 5> kDirections{{{0.267f, 0.802f, 0.535f},
+                                             {-0.781f, 0.312f, 0.541f},
+                                             {0.371f, -0.557f, -0.743f},
+                                             {-0.424f, -0.566f, 0.707f},
+                                             {0.653f, 0.230f, -0.722f}}};
+  std::array<int, kDirections.size()> votes{};
+  for (size_t i = 0; i < kDirections.size(); ++i) {
+    votes[i] = kNone;
+    Ray ray{point, glm::normalize(kDirections[i])};
+    for (int crossings = 0; crossings < 1000; ++crossings) {
+      const auto hit = geometry.intersect(ray, kInf);
+      if (!hit) break;
+      const SurfacePoint s = geometry.surface(*hit, ray);
+      const SurfaceInfo& info = surfaces[static_cast<size_t>(hit->shape)];
+      if (info.is_boundary) {
+        votes[i] = glm::dot(ray.d, s.ng) < 0 ? info.outside : info.inside;
+        break;
+      }
+      ray.o = offset_origin(s, ray.d);
+    }
+  }
+  int best = votes[0];
+  for (const int v : votes) {
+    if (std::count(votes.begin(), votes.end(), v) > std::count(votes.begin(), votes.end(), best)) best = v;
+  }
+  return best;
+}
+
+}  // namespace woodcock

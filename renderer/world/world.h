@@ -1,0 +1,76 @@
+// The compiled scene: immutable, shareable between threads, in render space.
+//
+// Render space is scale · (world − center): the centre lies near the camera, rounded to a coarse grid of powers of
+// two so that the frames of a moving camera share it, and the scale is a power of two that brings the scene to about
+// unit size. A scene moved by 1e5 or scaled by 1e5 renders as well as one at the origin.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "renderer/geometry/geometry.h"
+#include "renderer/lights/light.h"
+#include "renderer/materials/material.h"
+#include "renderer/media/medium.h"
+#include "renderer/scene/description.h"
+#include "renderer/textures/texture.h"
+#include "renderer/world/camera.h"
+#include "renderer/world/filter.h"
+
+namespace woodcock {
+
+/// What the path loop asks of a shape beyond its geometry; parallel to Geometry::shapes().
+struct SurfaceInfo {
+  int material = kNone;
+  FloatParameter alpha{1, kNone};
+  int light = kNone;
+  bool is_boundary = false;  ///< has a MediumInterface of its own
+  int inside = kNone, outside = kNone;
+  bool is_interface = false;    ///< no surface at all, only a boundary
+  bool passes_shadows = false;  ///< an interface, a mix, or alpha below one: shadow rays may go on
+};
+
+struct RenderSpace {
+  DVec3 center{0};
+  double scale = 1;
+  DMat4 render_from_world{1}, world_from_render{1};
+};
+
+/// Chooses render space for a scene.
+RenderSpace choose_render_space(const SceneDescription& scene);
+
+struct World {
+  RenderSpace space;
+  Geometry geometry;
+  Textures textures;
+  Materials materials;
+  Media media;
+  Lights lights;
+  Camera camera;
+  PixelFilter filter;
+  std::vector<SurfaceInfo> surfaces;
+  int camera_medium = kNone;
+  /// Some shadow ray may have to go on behind a surface (interfaces, partial opacity).
+  bool has_passable_surfaces = false;
+  /// Some medium's extinction differs between channels.
+  bool has_chromatic_media = false;
+  /// Where the scene was read differently than written, for the user.
+  std::vector<std::string> notes;
+
+  /// The medium behind a surface for a ray that leaves it in direction `w`.
+  int medium_after(const SurfaceInfo& s, Vec3 ng, Vec3 w, int current) const {
+    if (!s.is_boundary) return current;
+    return glm::dot(w, ng) > 0 ? s.outside : s.inside;
+  }
+};
+
+/// Compiles a description. Throws SceneError for what cannot be built.
+std::unique_ptr<const World> build_world(const SceneDescription& scene);
+
+/// The medium at a point: that of the near side of the first boundary met, looking in several directions; kNone
+/// (vacuum) where no boundary is met.
+int find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Vec3 point);
+
+}  // namespace woodcock
