@@ -50,41 +50,49 @@ float weighted_deviation(double n, float sa, float a, double m, float sb, float 
 
 }  // namespace
 
-PixelStats fold_in_order(std::span<const SampleRange> ranges, std::span<const size_t> order, std::span<const PixelStats> nodes) {
-  if (order.empty()) return {};
-  for (const PixelStats& node : nodes)
-    if (node.missing()) return {};
-  PixelStats sum = nodes[order[0]];
-  double n = static_cast<double>(ranges[order[0]].size());
-  std::array<double, kReplicates> replicate_n;
-  for (int k = 0; k < kReplicates; ++k)
-    replicate_n[static_cast<size_t>(k)] = static_cast<double>(samples_of_replicate(ranges[order[0]], k));
-  for (const size_t i : order.subspan(1)) {
-    const PixelStats& next = nodes[i];
-    const double m = static_cast<double>(ranges[i].size());
-    for (int c = 0; c < 3; ++c) {
-      // The deviation first: it needs both old means.
-      sum.deviation[c] = weighted_deviation(n, sum.deviation[c], sum.mean[c], m, next.deviation[c], next.mean[c]);
-      sum.mean[c] = weighted_mean(n, sum.mean[c], m, next.mean[c]);
-      sum.albedo[c] = weighted_mean(n, sum.albedo[c], m, next.albedo[c]);
-      sum.normal[c] = weighted_mean(n, sum.normal[c], m, next.normal[c]);
-    }
-    sum.depth = weighted_mean(n, sum.depth, m, next.depth);
-    for (size_t k = 0; k < kReplicates; ++k) {
-      const double added = static_cast<double>(samples_of_replicate(ranges[i], static_cast<int>(k)));
-      if (added == 0) continue;
-      sum.replicate[k] = weighted_mean(replicate_n[k], sum.replicate[k], added, next.replicate[k]);
-      replicate_n[k] += added;
-    }
-    sum.largest = std::max(sum.largest, next.largest);
-    n += m;
+FoldWeights::FoldWeights(SampleRange range) : samples(static_cast<double>(range.size())) {
+  for (int k = 0; k < kReplicates; ++k) of_replicate[static_cast<size_t>(k)] = static_cast<double>(samples_of_replicate(range, k));
+}
+
+void FoldWeights::add(const FoldWeights& more) {
+  samples += more.samples;
+  for (size_t k = 0; k < kReplicates; ++k) of_replicate[k] += more.of_replicate[k];
+}
+
+void fold_into(PixelStats& sum, const FoldWeights& have, const PixelStats& next, const FoldWeights& added) {
+  if (sum.missing() || next.missing()) {
+    sum = {};
+    return;
   }
-  sum.count = static_cast<float>(n);
-  return sum;
+  const double n = have.samples, m = added.samples;
+  for (int c = 0; c < 3; ++c) {
+    // The deviation first: it needs both old means.
+    sum.deviation[c] = weighted_deviation(n, sum.deviation[c], sum.mean[c], m, next.deviation[c], next.mean[c]);
+    sum.mean[c] = weighted_mean(n, sum.mean[c], m, next.mean[c]);
+    sum.albedo[c] = weighted_mean(n, sum.albedo[c], m, next.albedo[c]);
+    sum.normal[c] = weighted_mean(n, sum.normal[c], m, next.normal[c]);
+  }
+  sum.depth = weighted_mean(n, sum.depth, m, next.depth);
+  for (size_t k = 0; k < kReplicates; ++k)
+    if (added.of_replicate[k] > 0)
+      sum.replicate[k] = weighted_mean(have.of_replicate[k], sum.replicate[k], added.of_replicate[k], next.replicate[k]);
+  sum.largest = std::max(sum.largest, next.largest);
+  sum.count = static_cast<float>(n + m);
 }
 
 PixelStats fold(std::span<const SampleRange> ranges, std::span<const PixelStats> nodes) {
-  return fold_in_order(ranges, fold_order(ranges), nodes);
+  PixelStats sum;
+  FoldWeights have;
+  for (const size_t i : fold_order(ranges)) {
+    const FoldWeights added(ranges[i]);
+    if (have.samples == 0) {
+      sum = nodes[i];
+    } else {
+      fold_into(sum, have, nodes[i], added);
+    }
+    have.add(added);
+  }
+  return sum;
 }
 
 }  // namespace woodcock

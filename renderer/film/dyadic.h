@@ -58,8 +58,18 @@ PixelStats fold(std::span<const SampleRange> ranges, std::span<const PixelStats>
 /// The order in which `fold` takes the nodes.
 std::vector<size_t> fold_order(std::span<const SampleRange> ranges);
 
-/// The same with the order of `fold_order(ranges)` computed once for many pixels.
-PixelStats fold_in_order(std::span<const SampleRange> ranges, std::span<const size_t> order, std::span<const PixelStats> nodes);
+/// How many samples a set holds, in all and of each replicate; it is the same for every pixel.
+struct FoldWeights {
+  double samples = 0;
+  std::array<double, kReplicates> of_replicate{};
+
+  FoldWeights() = default;
+  explicit FoldWeights(SampleRange range);
+  void add(const FoldWeights& more);
+};
+
+/// One step of the fold: `sum` holds `have` and then `have` + `added`, of which `next` is the node.
+void fold_into(PixelStats& sum, const FoldWeights& have, const PixelStats& next, const FoldWeights& added);
 
 /// Makes the node of a dyadic range from its samples, pushed in order of their indices: a binary counter of at most
 /// 63 nodes, one merge a sample on average.

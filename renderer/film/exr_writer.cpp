@@ -110,15 +110,14 @@ NodeFileInfo info_of(const FrameHeader& header, std::span<const Tile> nodes, std
 void write_all(PartWriter& writer, const NodeFileInfo& info, std::span<const Tile> nodes) {
   if (exr::has_fold(info)) {
     const auto order = fold_order(info.nodes);
-    const auto width = static_cast<size_t>(info.rect.width());
-    std::vector<PixelStats> row(width), pixel(nodes.size());
-    for (int y = 0; y < info.rect.height(); ++y) {
-      for (size_t x = 0; x < width; ++x) {
-        for (size_t i = 0; i < nodes.size(); ++i) pixel[i] = nodes[i].pixels[static_cast<size_t>(y) * width + x];
-        row[x] = fold_in_order(info.nodes, order, pixel);
-      }
-      writer.write(row);
+    std::vector<PixelStats> picture = nodes[order[0]].pixels;
+    FoldWeights have(info.nodes[order[0]]);
+    for (const size_t i : std::span(order).subspan(1)) {
+      const FoldWeights added(info.nodes[i]);
+      for (size_t p = 0; p < picture.size(); ++p) fold_into(picture[p], have, nodes[i].pixels[p], added);
+      have.add(added);
     }
+    writer.write(picture);
   }
   for (const Tile& node : nodes) writer.write(node.pixels);
   writer.close();

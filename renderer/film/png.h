@@ -1,0 +1,15 @@
+// The picture of a node file as PNG.
+#pragma once
+
+#include <filesystem>
+
+namespace woodcock {
+
+/// Writes the picture of the node file `exr` as an 8-bit sRGB PNG (IEC 61966-2-1): exposure 0, no tone mapping, clamped
+/// to [0, 1]; missing pixels are black. Only the file's rectangle, row by row. Appears whole or not at all. Throws FilmError.
+void write_png(const std::filesystem::path& exr, const std::filesystem::path& png);
+
+/// The 8-bit sRGB code of a linear value; 0 for what is below zero, 255 for what is above one.
+unsigned char srgb8(float linear);
+
+}  // namespace woodcock
