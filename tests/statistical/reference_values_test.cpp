@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "tests/statistical/adding_doubling.h"
 #include "tests/statistical/reference_cases.h"
 #include "tests/statistical/reference_scenes.h"
 
@@ -81,6 +82,18 @@ TEST(ReferenceValues, AHalfSpaceReflectsByChandrasekharsH) {
     h = next;
   }
   EXPECT_NEAR(c.expected.at(""), 1 - evaluate(c.get("mu")) * std::sqrt(1 - a), 1e-5);
+}
+
+TEST(ReferenceValues, SlabsAreWhatAddingDoublingGives) {
+  for (const char* id : {"P01", "P02", "P03", "P04", "P05", "P13"}) {
+    const Case& c = find(id);
+    const SlabValues values = adding_doubling({c.get("tau"), c.get("albedo"), c.get("g"), c.get("n"), c.get("mu")});
+    const bool both = c.expected.contains("R");
+    EXPECT_NEAR(c.expected.at(both ? "R" : ""), values.reflectance, 2e-6) << id;
+    if (both) {
+      EXPECT_NEAR(c.expected.at("T"), values.transmittance, 2e-6) << id;
+    }
+  }
 }
 
 TEST(ReferenceValues, AirlightIsTheSingleScatteringIntegral) {
