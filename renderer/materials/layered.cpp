@@ -3,29 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "renderer/core/frame.h"
 #include "renderer/materials/fresnel.h"
+#include "renderer/media/phase.h"
 
 namespace woodcock {
 
 namespace {
-
-/// Henyey-Greenstein around the direction of travel; `one_minus_cos` of the deflection, passed as it is for g near 1.
-float hg(float one_minus_cos, float g) {
-  const float d = (1 - g) * (1 - g) + 2 * g * one_minus_cos;
-  return (1 - g) * (1 + g) / (4 * kPi * d * std::sqrt(d));
-}
-float hg(Vec3 travel, Vec3 next, float g) { return hg(0.5f * length_squared(travel - next), g); }
-
-/// A deflected direction, from the factored form of the inverse distribution that has no cancellation for any g.
-Vec3 sample_hg(Vec3 travel, float g, Vec2 u) {
-  const float x = u.x, y = 1 - u.x;
-  const float den = (1 - g) * y + (1 + g) * x;
-  const float one_minus_cos = 2 * (1 - g) * (1 - g) * y * (y + (1 + g) * x) / (den * den);
-  const float one_plus_cos = 2 * (1 + g) * (1 + g) * x * ((1 - g) * y + x) / (den * den);
-  const float sin_theta = std::sqrt(one_minus_cos * one_plus_cos), phi = 2 * kPi * u.y;
-  return glm::normalize(Frame::from_normal(travel).to_world({sin_theta * std::cos(phi), sin_theta * std::sin(phi), 1 - one_minus_cos}));
-}
 
 float transmittance(float depth, Vec3 w) { return depth > 0 ? std::exp(-depth / abs_cos(w)) : 1; }
 
@@ -65,6 +48,10 @@ struct Walk {
   }
 };
 
+/// The factor of a specular reflection at the base.
+Rgb mirror_reflectance(const ConductorBsdf& base, Vec3 w) { return fresnel_conductor(abs_cos(w), base.eta, base.k); }
+Rgb mirror_reflectance(const DiffuseBsdf&, Vec3) { return Rgb(0); }
+
 /// wo and wi both above the surface.
 template <typename Base>
 Rgb walk_value(const Coat& coat, const Base& base, Vec3 wo, Vec3 wi, Stream& rng) {
@@ -76,6 +63,7 @@ Rgb walk_value(const Coat& coat, const Base& base, Vec3 wo, Vec3 wi, Stream& rng
   const Rgb leave_factor = leave->weight * (abs_cos(wi) / abs_cos(out));
   const bool delta_boundary = coat.boundary.delta(), delta_base = is_specular(base);
 
+  const HenyeyGreenstein phase{coat.g};
   Rgb f(0);
   Walk walk{enter->wi, coat.thickness, enter->weight};
   // What the walk's own direction of travel, drawn with density p, contributes by leaving along wi.
@@ -92,16 +80,32 @@ Rgb walk_value(const Coat& coat, const Base& base, Vec3 wo, Vec3 wi, Stream& rng
     f += walk.beta * value * leave_factor * (weight * transmittance(coat.thickness - walk.z, out));
   };
 
+  // Between a mirror and a smooth boundary, light scattered in the medium may leave after any number of specular
+  // reflections, which neither of the above can join. `out` has one cosine all along, so the chains are a sum over their
+  // number k, told backwards from the exit: base, boundary, base, …. (pbrt-v4's f leaves these paths out, its
+  // sampling does not; they are needed for the two to agree.)
+  const auto leave_by_mirrors = [&](int scatterings) {
+    const Rgb base_factor = mirror_reflectance(base, out);
+    const float boundary_factor = fresnel_dielectric(abs_cos(out), 1 / coat.boundary.eta), crossing = transmittance(coat.thickness, out);
+    Rgb chain = walk.beta * leave_factor;
+    for (int k = 1; scatterings + k <= coat.max_depth && !is_black(chain); ++k) {
+      const bool downwards = k % 2 == 1;
+      chain *= (downwards ? base_factor : Rgb(boundary_factor)) * crossing;
+      const Vec3 first = downwards ? -mirror(out) : out;
+      f += chain * (phase.eval(-walk.w, first) * transmittance(downwards ? walk.z : coat.thickness - walk.z, out));
+    }
+  };
+
   for (int depth = 0; depth < coat.max_depth && survives(walk.beta, depth, rng); ++depth) {
     const Walk::Event event = walk.advance(coat, rng);
     if (event == Walk::Event::kMedium) {
-      const float p = hg(walk.w, out, coat.g);
+      const float p = phase.eval(-walk.w, out);
       walk.beta *= coat.albedo;
       leave_by_connection(Rgb(p), p);
-      const Vec3 next = sample_hg(walk.w, coat.g, rng.uniform2());
-      const float next_pdf = hg(walk.w, next, coat.g);
-      walk.w = next;
-      leave_along_walk(next_pdf, false);
+      if (delta_boundary && delta_base) leave_by_mirrors(depth + 1);
+      const HenyeyGreenstein::Sample next = phase.sample(-walk.w, rng.uniform2());
+      walk.w = glm::normalize(next.wi);
+      leave_along_walk(next.pdf, false);
     } else if (event == Walk::Event::kBase) {
       if (!delta_base) leave_by_connection(eval(base, -walk.w, out), pdf(base, -walk.w, out));
       const std::optional<BsdfSample> s = sample(base, -walk.w, rng);
@@ -163,7 +167,7 @@ std::optional<BsdfSample> sample_layered(const Coat& coat, const Base& base, Vec
     if (depth >= coat.max_depth) return std::nullopt;
     if (event == Walk::Event::kMedium) {
       walk.beta *= coat.albedo;
-      walk.w = sample_hg(walk.w, coat.g, rng.uniform2());
+      walk.w = glm::normalize(HenyeyGreenstein{coat.g}.sample(-walk.w, rng.uniform2()).wi);
       specular = false;
       continue;
     }
