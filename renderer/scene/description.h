@@ -137,9 +137,9 @@ struct MixDescription {
 /// No surface: only a boundary between media.
 struct InterfaceDescription {};
 
-using MaterialKind = std::variant<InterfaceDescription, DiffuseDescription, DiffuseTransmissionDescription, ConductorDescription,
-                                  DielectricDescription, ThinDielectricDescription, CoatedDiffuseDescription, CoatedConductorDescription,
-                                  MixDescription>;
+using MaterialKind =
+    std::variant<InterfaceDescription, DiffuseDescription, DiffuseTransmissionDescription, ConductorDescription, DielectricDescription,
+                 ThinDielectricDescription, CoatedDiffuseDescription, CoatedConductorDescription, MixDescription>;
 /// `subsurface` arrives here as a `DielectricDescription`, with the interior medium set on its shapes.
 struct MaterialDescription {
   std::string name;  ///< empty for an unnamed material
@@ -163,11 +163,12 @@ struct GridMediumDescription {
   Rgb sigma_a{1}, sigma_s{1};
   float g = 0;
   std::shared_ptr<const FloatVolume> density;
-  /// Le = emission × emission_scale(x) for uniformgrid, or × blackbody(temperature(x)) where `temperature`.
+  /// Le = emission × emission_scale × emission_grid(x), and × blackbody_emission(T(x)) (colorimetry.h) where there is a `temperature`.
   Rgb emission{0};
   float emission_scale = 1;
   std::shared_ptr<const FloatVolume> emission_grid;  ///< pbrt's Lescale array; absent means 1
-  std::shared_ptr<const FloatVolume> temperature;    ///< kelvin before scale and offset; absent means none
+  std::shared_ptr<const FloatVolume> temperature;    ///< absent means none; T = (value − offset) × scale, in kelvin
+  /// Where T <= temperature_cutoff (kelvin, after scale and offset) nothing is emitted.
   float temperature_scale = 1, temperature_offset = 0, temperature_cutoff = 0;
 };
 struct RgbGridMediumDescription {
@@ -227,7 +228,8 @@ struct CylinderDescription {
 using ShapeKind = std::variant<std::shared_ptr<const TriangleMesh>, std::shared_ptr<const BilinearMesh>, SphereDescription, DiskDescription,
                                CylinderDescription>;
 /// An area light on a shape: radiance `scale × L`, or an image × scale; emitted on the side of the normal
-/// unless two-sided. `power`, when positive, sets the total emitted power (W-like units) instead of scale.
+/// unless two-sided. `power`, when positive, replaces the radiance by radiance × scale × power / (π · area · sides), for an
+/// image also divided by its mean luminance, as pbrt-v4 does.
 struct AreaLightDescription {
   Rgb radiance{1};
   float scale = 1;
@@ -264,7 +266,7 @@ struct InstanceDescription {
 struct PointLightDescription {
   DVec3 position{0};  ///< in light space; the transform is applied to it
   Rgb intensity{1};   ///< scale included
-  float power = 0;    ///< when positive, the total power replaces `scale`
+  float power = 0;    ///< 0: the reader has worked `power` into the intensity
 };
 struct SpotLightDescription {
   DVec3 from{0}, to{0, 0, 1};
@@ -275,12 +277,12 @@ struct SpotLightDescription {
 struct DistantLightDescription {
   DVec3 from{0}, to{0, 0, 1};  ///< light travels from → to
   Rgb radiance{1};
-  float illuminance = 0;
+  float illuminance = 0;  ///< 0: the reader has worked `illuminance` into the radiance
 };
 struct InfiniteLightDescription {
   Rgb radiance{1};         ///< constant, or the scale of the image
   std::string image_file;  ///< equal-area octahedral square image, or empty
-  float illuminance = 0;
+  float illuminance = 0;   ///< when positive (images only): the image is scaled so that an upward patch receives it × radiance
 };
 using LightKind = std::variant<PointLightDescription, SpotLightDescription, DistantLightDescription, InfiniteLightDescription>;
 struct LightDescription {
@@ -297,7 +299,7 @@ struct CameraDescription {
   enum class Kind { kPerspective, kOrthographic } kind = Kind::kPerspective;
   SourceLocation where;
   DMat4 world_from_camera{1};
-  double fov = 90;  ///< degrees along the shorter image axis
+  double fov = 90;                                     ///< degrees along the shorter image axis
   std::optional<std::array<double, 4>> screen_window;  ///< x0, x1, y0, y1
   std::optional<double> frame_aspect_ratio;
   double lens_radius = 0, focal_distance = 1e6;
@@ -307,9 +309,9 @@ struct CameraDescription {
 struct FilterDescription {
   enum class Kind { kBox, kTriangle, kGaussian, kMitchell, kSinc } kind = Kind::kGaussian;
   double x_radius = 1.5, y_radius = 1.5;
-  double sigma = 0.5;         ///< gaussian
+  double sigma = 0.5;               ///< gaussian
   double b = 1.0 / 3, c = 1.0 / 3;  ///< mitchell
-  double tau = 3;             ///< sinc
+  double tau = 3;                   ///< sinc
 };
 struct FilmDescription {
   int x_resolution = 1280, y_resolution = 720;
