@@ -4,13 +4,10 @@
 #include <vector>
 
 #include "renderer/media/grid_map.h"
+#include "renderer/media/trilinear.h"
 #include "renderer/scene/volume.h"
 
 namespace woodcock {
-
-/// a + f (b − a) with one rounding of the sum.
-inline float lerp_fma(float f, float a, float b) { return std::fma(f, b - a, a); }
-inline Vec3 lerp_fma(float f, Vec3 a, Vec3 b) { return {lerp_fma(f, a.x, b.x), lerp_fma(f, a.y, b.y), lerp_fma(f, a.z, b.z)}; }
 
 /// A dense grid of floats or colours, kept with a border of zeros so that a look-up has no special case at the
 /// faces. T is float or Rgb. Values fade over the outer half voxel, as in pbrt-v4, and are zero outside the box.
@@ -40,18 +37,16 @@ class DenseField {
 
   /// The interpolated value at cell coordinates.
   T at_cell(Vec3 c) const {
-    // Written so that NaN coordinates, too, read as outside.
-    if (!(c.x >= 0 && c.y >= 0 && c.z >= 0 && c.x <= upper_.x && c.y <= upper_.y && c.z <= upper_.z)) return T(0);
+    if (!contains_cell(c)) return T(0);
     // Sample position c − ½, plus one for the border: positive, so truncation is floor.
     const Vec3 s = c + 0.5f;
     const int x = static_cast<int>(s.x), y = static_cast<int>(s.y), z = static_cast<int>(s.z);
-    const float fx = s.x - static_cast<float>(x), fy = s.y - static_cast<float>(y), fz = s.z - static_cast<float>(z);
     const T* v = values_.data() + z * slice_ + y * row_ + x;
-    const T* w = v + slice_;
-    const T v0 = lerp_fma(fy, lerp_fma(fx, v[0], v[1]), lerp_fma(fx, v[row_], v[row_ + 1]));
-    const T v1 = lerp_fma(fy, lerp_fma(fx, w[0], w[1]), lerp_fma(fx, w[row_], w[row_ + 1]));
-    return lerp_fma(fz, v0, v1);
+    return trilinear(v, row_, slice_, s - Vec3(static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)));
   }
+
+  /// Whether a render-space point lies in the grid's box.
+  bool contains(Vec3 p) const { return contains_cell(map_.point(p)); }
 
   IVec3 size() const { return size_; }
   const GridMap& map() const { return map_; }
@@ -60,6 +55,9 @@ class DenseField {
   const T& voxel(int x, int y, int z) const { return values_[(z + 1) * slice_ + (y + 1) * row_ + x + 1]; }
 
  private:
+  /// NaN coordinates are outside.
+  bool contains_cell(Vec3 c) const { return c.x >= 0 && c.y >= 0 && c.z >= 0 && c.x <= upper_.x && c.y <= upper_.y && c.z <= upper_.z; }
+
   IVec3 size_{0};
   Vec3 upper_{-1};  ///< an empty field contains nothing
   GridMap map_;

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <stdexcept>
+
 #include "renderer/scene/scene_error.h"
 
 namespace woodcock {
@@ -10,6 +12,17 @@ namespace {
 
 /// The finest bricks that are considered, in cells.
 constexpr int kFinestEdge = 4;
+/// Large sparse volumes start with coarser bricks than that: 64 MiB of bounds.
+constexpr double kMostBricks = 1 << 24;
+
+bool has_equal_channels(Rgb c) { return c.x == c.y && c.y == c.z; }
+
+template <typename F>
+void for_each_voxel(IVec3 size, F f) {
+  for (int z = 0; z < size.z; ++z)
+    for (int y = 0; y < size.y; ++y)
+      for (int x = 0; x < size.x; ++x) f(IVec3(x, y, z));
+}
 
 /// Checks the coefficients of a medium, where messages need to say whose they are.
 class Checks {
@@ -68,8 +81,7 @@ struct Medium::Builder {
     medium.unit_ = {sigma_a * inverse_scale, sigma_s * inverse_scale, Rgb(0)};
     medium.unit_sigma_t_ = medium.unit_.sigma_t();
     medium.phase_.g = checks.mean_cosine(g);
-    const Rgb t = medium.unit_sigma_t_;
-    medium.grey_ = t.x == t.y && t.y == t.z;
+    medium.grey_ = has_equal_channels(medium.unit_sigma_t_);
   }
 
   void operator()(const HomogeneousDescription& d) {
@@ -84,7 +96,15 @@ struct Medium::Builder {
   FloatField field(const FloatVolume& volume, const char* name) {
     if (const auto* dense = std::get_if<DenseGrid<float>>(&volume))
       return DenseField<float>(checks.without_negatives(*dense, name), render_from_medium);
-    checks.fail("sparse grids are not supported");
+    try {
+      SparseField sparse(std::get<SparseGrid>(volume), render_from_medium);
+      if (sparse.non_finite_values() != 0)
+        checks.fail(fmt::format("the {} grid holds {} values that are not finite", name, sparse.non_finite_values()));
+      checks.note_negative(sparse.negative_values(), name);
+      return sparse;
+    } catch (const std::length_error& error) {
+      checks.fail(fmt::format("the {} grid cannot be unpacked: {}", name, error.what()));
+    }
   }
 
   void operator()(const GridMediumDescription& d) {
@@ -92,28 +112,60 @@ struct Medium::Builder {
     set_unit(d.sigma_a, d.sigma_s, d.g);
     checks.coefficient(d.emission, "Le");
     medium.density_ = field(*d.density, "density");
-    bound_density(std::get<DenseField<float>>(medium.density_));
+    if (auto* sparse = std::get_if<SparseField>(&medium.density_)) {
+      if (d.temperature) extend_to(*sparse, std::get<SparseGrid>(*d.density), *d.temperature);
+      bound(*sparse);
+    } else {
+      bound(std::get<DenseField<float>>(medium.density_));
+    }
     medium.scatters_ = medium.attenuates() && !is_black(medium.unit_.sigma_s);
     set_emission(d);
+  }
+
+  /// pbrt-v4 ends a NanoVDB medium at the union of the boxes of its density and its temperature. For grids whose maps
+  /// are rotated, where that union is no box of cells, the density's own box stays.
+  void extend_to(SparseField& density, const SparseGrid& grid, const FloatVolume& temperature) const {
+    const auto* other = std::get_if<SparseGrid>(&temperature);
+    if (other == nullptr || other->index_max.x < other->index_min.x || grid.index_max.x < grid.index_min.x) return;
+    const DMat4 density_from_other = glm::inverse(grid.medium_from_index) * other->medium_from_index;
+    for (int column = 0; column < 3; ++column)
+      for (int row = 0; row < 3; ++row)
+        if (row != column && std::abs(density_from_other[column][row]) > 1e-12 * std::abs(density_from_other[column][column])) return;
+    const auto to_density = [&](IVec3 index) { return DVec3(density_from_other * glm::dvec4(DVec3(index), 1)) - DVec3(grid.index_min); };
+    const DVec3 a = to_density(other->index_min), b = to_density(other->index_max + 1);
+    // The density's own box starts at its sample index_min.
+    const CellBox box = density.box();
+    density.set_box({glm::min(box.lower, box.lower + glm::min(a, b)), glm::max(box.upper, box.lower + glm::max(a, b))});
   }
 
   void set_emission(const GridMediumDescription& d) {
     GridEmission& e = medium.emission_;
     e.radiance = d.emission;
     e.scale = d.emission_scale;
-    e.temperature_scale = d.temperature_scale;
-    e.temperature_offset = d.temperature_offset;
-    e.temperature_cutoff = d.temperature_cutoff;
-    medium.emits_ = medium.attenuates() && !is_black(medium.unit_.sigma_a) && e.scale > 0 && !is_black(d.emission) && !d.temperature;
-    if (d.temperature) checks.fail("temperature grids are not supported");
+    if (!(e.scale >= 0) || !std::isfinite(e.scale)) checks.fail(fmt::format("Lescale is {}; it must be finite and not negative", e.scale));
+    if (!medium.attenuates() || is_black(medium.unit_.sigma_a) || e.scale == 0) return;
+    if (d.temperature)
+      checks.fail("temperature grids are not supported");
+    else
+      medium.emits_ = !is_black(d.emission);
     if (medium.emits_ && d.emission_grid) e.scale_grid = field(*d.emission_grid, "Lescale");
   }
 
-  void bound_density(const DenseField<float>& field) {
-    MajorantGrid grid(field.size(), field.box(), field.map(), kFinestEdge);
-    for (int z = 0; z < field.size().z; ++z)
-      for (int y = 0; y < field.size().y; ++y)
-        for (int x = 0; x < field.size().x; ++x) grid.add_voxel({x, y, z}, field.voxel(x, y, z));
+  void bound(const DenseField<float>& density) {
+    MajorantGrid grid(density.size(), density.box(), density.map(), kFinestEdge);
+    for_each_voxel(density.size(), [&](IVec3 v) { grid.add_voxel(v, density.voxel(v.x, v.y, v.z)); });
+    grid.scale(max_component(medium.unit_sigma_t_));
+    set_majorants(std::move(grid));
+  }
+
+  void bound(const SparseField& density) {
+    int edge = kFinestEdge;
+    const auto bricks = [&] {
+      return static_cast<double>(density.voxels().x) / edge * density.voxels().y / edge * density.voxels().z / edge;
+    };
+    while (bricks() > kMostBricks) edge *= 2;
+    MajorantGrid grid(density.voxels(), density.box(), density.map(), edge);
+    density.add_bounds(grid);
     grid.scale(max_component(medium.unit_sigma_t_));
     set_majorants(std::move(grid));
   }
@@ -125,10 +177,54 @@ struct Medium::Builder {
 
   void operator()(const RgbGridMediumDescription& d) {
     medium.kind_ = Kind::kRgbGrid;
-    (void)d;
-    checks.fail("RGB grids are not supported");
+    medium.phase_.g = checks.mean_cosine(d.g);
+    checks.coefficient(Rgb(d.scale), "scale");
+    checks.coefficient(Rgb(d.emission_scale), "Lescale");
+    if (!d.sigma_a && !d.sigma_s) checks.fail("neither sigma_a nor sigma_s is given; an rgbgrid needs one of them");
+    const IVec3 size = d.sigma_a ? d.sigma_a->size : d.sigma_s->size;
+    const float scale = d.scale * inverse_scale;
+    const auto rgb_field = [&](const RgbVolume& volume, const char* name, float factor) {
+      if (volume.size != size) checks.fail(fmt::format("its {} grid has another resolution than the others", name));
+      return DenseField<Rgb>(checks.without_negatives(volume, name), render_from_medium, factor);
+    };
+    RgbGrids& rgb = medium.rgb_;
+    rgb.absent = Rgb(scale);
+    if (d.sigma_a) rgb.sigma_a = rgb_field(*d.sigma_a, "sigma_a", scale);
+    if (d.sigma_s) rgb.sigma_s = rgb_field(*d.sigma_s, "sigma_s", scale);
+    if (d.emission) rgb.emission = rgb_field(*d.emission, "Le", d.emission_scale);
+
+    const DenseField<Rgb>& shape = rgb.sigma_a ? *rgb.sigma_a : *rgb.sigma_s;
+    MajorantGrid grid(size, shape.box(), shape.map(), kFinestEdge);
+    medium.grey_ = true;
+    bool glows = false;
+    for_each_voxel(size, [&](IVec3 v) {
+      const Rgb a = rgb.sigma_a ? rgb.sigma_a->voxel(v.x, v.y, v.z) : rgb.absent,
+                s = rgb.sigma_s ? rgb.sigma_s->voxel(v.x, v.y, v.z) : rgb.absent;
+      grid.add_voxel(v, max_component(a + s));
+      medium.grey_ = medium.grey_ && has_equal_channels(a) && has_equal_channels(s);
+      medium.scatters_ = medium.scatters_ || !is_black(s);
+      medium.emits_ = medium.emits_ || !is_black(a);
+      glows = glows || (rgb.emission && !is_black(rgb.emission->voxel(v.x, v.y, v.z)));
+    });
+    medium.emits_ = medium.emits_ && glows;
+    grid.scale(1);
+    set_majorants(std::move(grid));
   }
-  void operator()(const CloudMediumDescription&) { checks.fail("procedural clouds are not supported"); }
+
+  void operator()(const CloudMediumDescription& d) {
+    medium.kind_ = Kind::kGrid;
+    set_unit(d.sigma_a, d.sigma_s, d.g);
+    for (int i = 0; i < 3; ++i)
+      if (!(d.p1[i] > d.p0[i])) checks.fail("the box p0 .. p1 of the cloud is empty");
+    const CloudField cloud(d, render_from_medium);
+    // The density has no bound but 1 that holds everywhere: one brick.
+    MajorantGrid grid(IVec3(1), {DVec3(0), DVec3(1)}, cloud.map(), 1);
+    grid.add_voxel(IVec3(0), 1);
+    grid.scale(max_component(medium.unit_sigma_t_));
+    set_majorants(std::move(grid));
+    medium.density_ = cloud;
+    medium.scatters_ = !is_black(medium.unit_.sigma_s);
+  }
 };
 
 Medium::Medium(const MediumDescription& description, const DMat4& render_from_world, double scale, std::vector<std::string>& notes) {
@@ -140,7 +236,7 @@ Medium::Medium(const MediumDescription& description, const DMat4& render_from_wo
 }
 
 Rgb Medium::GridEmission::at(Vec3 p) const {
-  const float s = scale_grid ? scale * std::visit([p](const auto& field) { return field.at(p); }, *scale_grid) : scale;
+  const float s = scale_grid ? scale * look_up(*scale_grid, p) : scale;
   return radiance * s;
 }
 
@@ -152,8 +248,8 @@ MediumPoint Medium::at(Vec3 p) const {
     if (emits_ && d > 0) point.emission = point.sigma_a * emission_.at(p);
     return point;
   }
-  MediumPoint point{rgb_sigma_a_.at(p), rgb_sigma_s_.at(p), Rgb(0)};
-  if (emits_) point.emission = point.sigma_a * rgb_emission_.at(p);
+  MediumPoint point{rgb_.sigma_a_at(p), rgb_.sigma_s_at(p), Rgb(0)};
+  if (emits_) point.emission = point.sigma_a * rgb_.emission->at(p);
   return point;
 }
 

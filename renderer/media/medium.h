@@ -13,9 +13,11 @@
 #include <variant>
 #include <vector>
 
+#include "renderer/media/cloud_field.h"
 #include "renderer/media/dense_field.h"
 #include "renderer/media/majorant_grid.h"
 #include "renderer/media/phase.h"
+#include "renderer/media/sparse_field.h"
 #include "renderer/scene/description.h"
 
 namespace woodcock {
@@ -28,13 +30,18 @@ struct MediumPoint {
   Rgb sigma_t() const { return sigma_a + sigma_s; }
 };
 
-/// A scalar grid.
-using FloatField = std::variant<DenseField<float>>;
+/// Something with one float value at each render-space point: `at(p)`, with `map()` into its own cells.
+using FloatField = std::variant<DenseField<float>, SparseField, CloudField>;
+inline float look_up(const FloatField& field, Vec3 p) {
+  if (const auto* dense = std::get_if<DenseField<float>>(&field)) return dense->at(p);
+  if (const auto* sparse = std::get_if<SparseField>(&field)) return sparse->at(p);
+  return std::get_if<CloudField>(&field)->at(p);
+}
 
 /// One medium. Immutable and thread-safe; the same point gives the same bits on every thread.
 class Medium {
  public:
-  /// Throws `SceneError` at the medium's place when a value has no physical meaning (not finite, |g| ≥ 1).
+  /// Throws `SceneError` at the medium's place when a value has no physical meaning (not finite, |g| ≥ 1, σ < 0).
   /// What was read differently than written is appended to `notes`, one sentence each.
   Medium(const MediumDescription& description, const DMat4& render_from_world, double scale, std::vector<std::string>& notes);
 
@@ -84,6 +91,14 @@ class Medium {
 
     Rgb at(Vec3 p) const;
   };
+  /// σa and σs grids; an absent one is `absent` everywhere inside the box of the other.
+  struct RgbGrids {
+    std::optional<DenseField<Rgb>> sigma_a, sigma_s, emission;
+    Rgb absent{0};
+
+    Rgb sigma_a_at(Vec3 p) const { return sigma_a ? sigma_a->at(p) : sigma_s->contains(p) ? absent : Rgb(0); }
+    Rgb sigma_s_at(Vec3 p) const { return sigma_s ? sigma_s->at(p) : sigma_a->contains(p) ? absent : Rgb(0); }
+  };
   struct Builder;
 
   Kind kind_ = Kind::kHomogeneous;
@@ -95,7 +110,7 @@ class Medium {
   MajorantGrid majorants_;
   FloatField density_;
   GridEmission emission_;
-  DenseField<Rgb> rgb_sigma_a_, rgb_sigma_s_, rgb_emission_;
+  RgbGrids rgb_;
 };
 
 /// The media of a scene, by their index in `SceneDescription::media`.
@@ -142,13 +157,13 @@ inline Rgb albedo(const Medium& medium, Vec3 p) { return albedo(medium.at(p)); }
 
 inline float Medium::density(Vec3 p) const {
   if (kind_ == Kind::kHomogeneous) return 1;
-  return std::visit([p](const auto& field) { return field.at(p); }, density_);
+  return look_up(density_, p);
 }
 
 inline Rgb Medium::sigma_t(Vec3 p) const {
   if (kind_ == Kind::kHomogeneous) return unit_sigma_t_;
   if (kind_ == Kind::kGrid) return unit_sigma_t_ * density(p);
-  return rgb_sigma_a_.at(p) + rgb_sigma_s_.at(p);
+  return rgb_.sigma_a_at(p) + rgb_.sigma_s_at(p);
 }
 
 }  // namespace woodcock

@@ -1,0 +1,143 @@
+// Homogeneous and dense grid media.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <glm/gtc/matrix_transform.hpp>
+
+#include "renderer/scene/scene_error.h"
+#include "tests/media/grids.h"
+
+namespace woodcock {
+namespace {
+
+TEST(HomogeneousMedium, coefficients_are_per_render_unit) {
+  HomogeneousDescription d{{1, 2, 3}, {4, 5, 6}, {7, 8, 9}, 0.5f};
+  const Medium m = make_medium(d, DMat4(1), glm::scale(DMat4(1), DVec3(4)), 4);
+  EXPECT_TRUE(m.is_homogeneous());
+  EXPECT_EQ(m.homogeneous().sigma_a, Rgb(0.25f, 0.5f, 0.75f));
+  EXPECT_EQ(m.homogeneous().sigma_s, Rgb(1, 1.25f, 1.5f));
+  EXPECT_EQ(m.homogeneous().emission, Rgb(0.25f * 7, 0.5f * 8, 0.75f * 9));
+  EXPECT_EQ(m.phase().g, 0.5f);
+  EXPECT_TRUE(m.scatters());
+  EXPECT_TRUE(m.emits());
+  EXPECT_FALSE(m.is_grey());
+  EXPECT_EQ(m.maximum_sigma_t(), 2.25f);
+  EXPECT_EQ(albedo(m, Vec3(0)), Rgb(1 / 1.25f, 1.25f / 1.75f, 1.5f / 2.25f));
+}
+
+TEST(HomogeneousMedium, walk_is_one_segment_even_without_an_end) {
+  const Medium m = make_medium(HomogeneousDescription{});
+  MajorantWalk walk(m, {{1, 2, 3}, {0, 0, 1}}, kInf);
+  const auto segment = walk.next();
+  ASSERT_TRUE(segment);
+  EXPECT_EQ(segment->t0, 0);
+  EXPECT_EQ(segment->t1, kInf);
+  EXPECT_EQ(segment->sigma, 2);
+  EXPECT_FALSE(walk.next());
+}
+
+TEST(HomogeneousMedium, vacuum_has_no_segments) {
+  HomogeneousDescription d;
+  d.sigma_a = d.sigma_s = Rgb(0);
+  const Medium m = make_medium(d);
+  EXPECT_FALSE(MajorantWalk(m, {{0, 0, 0}, {0, 0, 1}}, 10).next());
+  EXPECT_EQ(albedo(m, Vec3(0)), Rgb(0));
+}
+
+TEST(Medium, values_without_meaning_are_refused_with_their_place) {
+  HomogeneousDescription d;
+  d.g = 1;
+  EXPECT_THROW(make_medium(d), SceneError);
+  d.g = 0;
+  d.sigma_a.y = -1;
+  EXPECT_THROW(make_medium(d), SceneError);
+  d.sigma_a.y = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THROW(make_medium(d), SceneError);
+  EXPECT_THROW(make_medium(HomogeneousDescription{}, glm::scale(DMat4(1), DVec3(1, 0, 1))), SceneError);
+  EXPECT_THROW(make_medium(grid_medium(make_dense(IVec3(2), DVec3(0), DVec3(1), [](IVec3) { return kInf; }))), SceneError);
+}
+
+TEST(Medium, negative_densities_are_read_as_zero_and_reported) {
+  std::vector<std::string> notes;
+  const Medium m({"m", {}, DMat4(1), grid_medium(make_dense(IVec3(2), DVec3(0), DVec3(1), [](IVec3 v) { return v.x == 0 ? -1.f : 1.f; }))},
+                 DMat4(1), 1, notes);
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_THAT(notes[0], testing::HasSubstr("4 negative"));
+  EXPECT_EQ(m.density({0.25f, 0.25f, 0.25f}), 0);
+}
+
+TEST(GridMedium, density_equals_the_slow_reference) {
+  const DenseGrid<float> grid = random_dense({5, 3, 7}, 1, 0.9f);
+  const Medium m = make_medium(grid_medium(grid));
+  Stream random(2);
+  for (int i = 0; i < 20000; ++i) {
+    const Vec3 p = Vec3(grid.size) * (Vec3(random.uniform(), random.uniform(), random.uniform()) * 1.4f - 0.2f);
+    EXPECT_NEAR(m.density(p), reference_density(grid, DVec3(p)), 3e-6);
+  }
+}
+
+TEST(GridMedium, a_constant_grid_equals_the_homogeneous_medium_inside_and_fades_over_the_outer_half_voxel) {
+  const Rgb a{0.1f, 0.2f, 0.3f}, s{1, 2, 3};
+  const Medium grid = make_medium(grid_medium(make_dense(IVec3(8), DVec3(0), DVec3(8), [](IVec3) { return 1.f; }), a, s));
+  const Medium constant = make_medium(HomogeneousDescription{a, s, Rgb(0), 0});
+  Stream random(3);
+  for (int i = 0; i < 1000; ++i) {
+    const Vec3 p = Vec3(0.5f) + 7.0f * Vec3(random.uniform(), random.uniform(), random.uniform());
+    EXPECT_EQ(grid.at(p).sigma_a, constant.at(p).sigma_a);
+    EXPECT_EQ(grid.at(p).sigma_s, constant.at(p).sigma_s);
+  }
+  EXPECT_EQ(grid.density({4, 4, 0.25f}), 0.75f);
+  EXPECT_EQ(grid.density({4, 4, 0}), 0.5f);
+  EXPECT_EQ(grid.density({4, 4, 8}), 0.5f);
+  EXPECT_EQ(grid.density({4, 4, -1e-6f}), 0);
+  EXPECT_EQ(grid.density({4, 4, 8.00001f}), 0);
+  EXPECT_EQ(grid.density({std::numeric_limits<float>::quiet_NaN(), 4, 4}), 0);
+}
+
+TEST(GridMedium, emission_is_sigma_a_times_le_times_the_interpolated_scale) {
+  GridMediumDescription d = grid_medium(make_dense({2, 1, 1}, DVec3(0), DVec3(2, 1, 1), [](IVec3) { return 2.f; }), Rgb(3), Rgb(0));
+  d.emission = {1, 2, 4};
+  d.emission_scale = 0.5f;
+  EXPECT_EQ(make_medium(d).at({1, 0.5f, 0.5f}).emission, 3.0f * Rgb(1, 2, 4));
+  d.emission_grid =
+      std::make_shared<const FloatVolume>(make_dense({2, 1, 1}, DVec3(0), DVec3(2, 1, 1), [](IVec3 v) { return v.x == 0 ? 1.f : 3.f; }));
+  EXPECT_EQ(make_medium(d).at({0.5f, 0.5f, 0.5f}).emission, 3.0f * Rgb(1, 2, 4));
+  EXPECT_EQ(make_medium(d).at({1, 0.5f, 0.5f}).emission, 6.0f * Rgb(1, 2, 4));
+  EXPECT_TRUE(make_medium(d).emits());
+  d.emission = Rgb(0);
+  EXPECT_FALSE(make_medium(d).emits());
+}
+
+TEST(GridMedium, N55_rotated_and_unevenly_scaled_transforms_look_up_the_same_points) {
+  const DenseGrid<float> grid = random_dense({6, 5, 4}, 11);
+  DMat4 world = glm::translate(DMat4(1), DVec3(3, -2, 5));
+  world = glm::rotate(world, 0.7, glm::normalize(DVec3(1, 2, 3)));
+  world = glm::scale(world, DVec3(0.1, -2, 0.5));
+  const DMat4 render = glm::scale(glm::translate(DMat4(1), DVec3(0.5, 0.25, -1)), DVec3(0.25));
+  const Medium m = make_medium(grid_medium(grid), world, render, 0.25);
+  EXPECT_EQ(m.unit().sigma_a, Rgb(2));
+  Stream random(12);
+  for (int i = 0; i < 5000; ++i) {
+    const DVec3 p = DVec3(grid.size) * (DVec3(random.uniform(), random.uniform(), random.uniform()) * 0.98 + 0.01);
+    const Vec3 q{DVec3(render * world * glm::dvec4(p, 1))};
+    EXPECT_NEAR(m.density(q), reference_density(grid, p), 1e-4);
+  }
+}
+
+TEST(GridMedium, N66_a_grid_stored_at_1e5_is_as_good_as_at_the_origin) {
+  const DenseGrid<float> grid = random_dense({6, 5, 4}, 13);
+  DenseGrid<float> far = grid;
+  const DVec3 shift(1e5, -2e5, 3e5);
+  far.p0 += shift;
+  far.p1 += shift;
+  const Medium a = make_medium(grid_medium(grid));
+  const Medium b = make_medium(grid_medium(far), DMat4(1), glm::translate(DMat4(1), -shift));
+  Stream random(14);
+  for (int i = 0; i < 2000; ++i) {
+    const Vec3 p = Vec3(grid.size) * Vec3(random.uniform(), random.uniform(), random.uniform());
+    EXPECT_NEAR(a.density(p), b.density(p), 2e-6);
+  }
+}
+
+}  // namespace
+}  // namespace woodcock
