@@ -6,6 +6,7 @@
 #include <glm/gtc/matrix_transform.hpp>
 
 #include "tests/media/grids.h"
+#include "tests/support/optical_depth.h"
 
 namespace woodcock {
 namespace {
@@ -198,6 +199,7 @@ TEST(MajorantGrid, N10_optical_depth_over_the_segments_equals_the_exact_sum_alon
         double sum = 0;
         MajorantWalk walk(m, {Vec3(start), Vec3(d)}, 100);
         while (const auto s = walk.next()) sum += reference_depth(grid, start, d, s->t0, s->t1);
+        EXPECT_NEAR(testing::optical_depth_exact(m, {Vec3(start), Vec3(d)}, 0, 100).x, sigma * want, 1e-5 * sigma * (1 + want));
         EXPECT_NEAR(sum, want, 1e-5 * (1 + want)) << sigma << ' ' << start.x << ' ' << direction.x << direction.y << direction.z;
       }
   }
