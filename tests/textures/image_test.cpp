@@ -1,0 +1,152 @@
+// Images: what is read from a file, and how it is looked up.
+#include "renderer/textures/image.h"
+
+#include <OpenImageIO/imageio.h>
+#include <gtest/gtest.h>
+
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "renderer/scene/scene_error.h"
+#include "renderer/textures/texture.h"
+
+namespace woodcock {
+namespace {
+
+namespace fs = std::filesystem;
+const SourceLocation kWhere{"scene.pbrt", 4, 9};
+
+/// A folder of its own that goes away with the test.
+class ImageFiles : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::path(::testing::TempDir()) / (std::string("woodcock_images_") + std::to_string(::getpid()));
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  /// Writes `values` (`channels` a pixel) in the file type of the name's extension, coded as `type`.
+  std::string write(const std::string& name, int width, int height, int channels, OIIO::TypeDesc type, const std::vector<float>& values) {
+    const std::string path = (folder_ / name).string();
+    const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create(path);
+    OIIO::ImageSpec spec(width, height, channels, type);
+    spec["oiio:UnassociatedAlpha"] = 1;
+    EXPECT_TRUE(out && out->open(path, spec) && out->write_image(OIIO::TypeDesc::FLOAT, values.data()) && out->close()) << OIIO::geterror();
+    return path;
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(ImageFiles, EightBitFilesAreSrgbUnlessSaidOtherwise) {
+  const std::string path = write("a.png", 1, 1, 3, OIIO::TypeDesc::UINT8, {1, 128 / 255.0f, 10 / 255.0f});
+  const Rgb srgb = load_image(path, "", kWhere).at(0, 0);
+  EXPECT_FLOAT_EQ(srgb.r, 1);
+  EXPECT_NEAR(srgb.g, 0.2158605f, 1e-6);
+  EXPECT_NEAR(srgb.b, 10 / 255.0f / 12.92f, 1e-7);
+  EXPECT_EQ(load_image(path, "sRGB", kWhere).at(0, 0), srgb);
+  EXPECT_NEAR(load_image(path, "linear", kWhere).at(0, 0).g, 128 / 255.0f, 1e-6);
+  EXPECT_NEAR(load_image(path, "gamma 2.2", kWhere).at(0, 0).g, std::pow(128 / 255.0f, 2.2f), 1e-6);
+}
+
+TEST_F(ImageFiles, SixteenBitFilesKeepTheirPrecision) {
+  const std::string path = write("b.png", 1, 1, 1, OIIO::TypeDesc::UINT16, {12345 / 65535.0f});
+  EXPECT_NEAR(load_image(path, "linear", kWhere).at(0, 0).r, 12345 / 65535.0f, 1e-7);
+}
+
+TEST_F(ImageFiles, FloatFilesAreLinearAndMayExceedOne) {
+  const std::string path = write("c.exr", 2, 1, 3, OIIO::TypeDesc::FLOAT, {0.5f, 7, -2, 1, 2, 3});
+  const Image image = load_image(path, "", kWhere);
+  EXPECT_EQ(image.at(0, 0), Rgb(0.5f, 7, -2));
+  EXPECT_EQ(image.at(1, 0), Rgb(1, 2, 3));
+}
+
+TEST_F(ImageFiles, AlphaIsKeptApartAndDroppedWhereOpaque) {
+  const Image clear = load_image(write("d.png", 2, 1, 4, OIIO::TypeDesc::UINT8, {1, 1, 1, 0, 1, 0, 0, 1}), "linear", kWhere);
+  EXPECT_EQ(clear.at(0, 0), Rgb(1));  // not multiplied by alpha
+  EXPECT_EQ(clear.scalar_at(0, 0), 0);
+  EXPECT_EQ(clear.scalar_at(1, 0), 1);
+  const Image opaque = load_image(write("e.png", 1, 1, 4, OIIO::TypeDesc::UINT8, {1, 0, 0, 1}), "linear", kWhere);
+  EXPECT_TRUE(opaque.alpha.empty());
+  EXPECT_NEAR(opaque.scalar_at(0, 0), 1.0f / 3, 1e-6);
+}
+
+TEST_F(ImageFiles, DamagedOrStrangeFilesAreRefusedWithTheirPlace) {
+  const std::string nan = write("nan.exr", 1, 1, 3, OIIO::TypeDesc::FLOAT, {1, std::numeric_limits<float>::quiet_NaN(), 1});
+  const std::string text = (folder_ / "text.png").string();
+  std::ofstream(text) << "this is not a picture";
+  const std::string whole = write("whole.png", 64, 64, 3, OIIO::TypeDesc::UINT8, std::vector<float>(64 * 64 * 3, 0.3f));
+  const std::string truncated = (folder_ / "truncated.png").string();
+  fs::copy_file(whole, truncated);
+  fs::resize_file(truncated, fs::file_size(whole) / 2);
+  const std::string huge = write("huge.exr", 20000, 1, 1, OIIO::TypeDesc::HALF, std::vector<float>(20000, 0));
+  for (const std::string& path :
+       {nan, text, truncated, huge, (folder_ / "missing.png").string(), folder_.string(), std::string("/dev/zero")}) {
+    try {
+      load_image(path, "", kWhere);
+      ADD_FAILURE() << path << " was accepted";
+    } catch (const SceneError& e) {
+      EXPECT_NE(std::string(e.what()).find("scene.pbrt:4:9"), std::string::npos) << e.what();
+    }
+  }
+  EXPECT_THROW(load_image(whole, "gamma -1", kWhere), SceneError);
+  EXPECT_THROW(load_image(whole, "rec2020", kWhere), SceneError);
+}
+
+TEST_F(ImageFiles, TheTopRowIsWhereVIsOne) {
+  const std::string path = write("rows.exr", 1, 2, 1, OIIO::TypeDesc::FLOAT, {8, 2});  // top, bottom
+  SceneDescription scene;
+  FloatTextureDescription::Image image;
+  image.file = path;
+  image.filter = FloatTextureDescription::Image::Filter::kPoint;
+  scene.float_textures.push_back({"plain", kWhere, image});
+  image.scale = 0.25f;
+  image.invert = true;
+  scene.float_textures.push_back({"inverted", kWhere, image});
+  const Textures textures(scene, DMat4(1));
+  EXPECT_EQ(textures.eval(FloatParameter{0, 0}, {{0.5f, 0.9f}, {}}), 8);
+  EXPECT_EQ(textures.eval(FloatParameter{0, 0}, {{0.5f, 0.1f}, {}}), 2);
+  EXPECT_EQ(textures.eval(FloatParameter{0, 1}, {{0.5f, 0.1f}, {}}), 0.5f);  // 1 − 0.25·2
+  EXPECT_EQ(textures.eval(FloatParameter{0, 1}, {{0.5f, 0.9f}, {}}), 0);     // never negative
+}
+
+Image ramp() {
+  Image image;
+  image.width = 4;
+  image.height = 2;
+  for (int i = 0; i < 8; ++i) image.pixels.push_back(Rgb(static_cast<float>(i)));
+  return image;
+}
+
+TEST(ImageLookups, BilinearMeetsThePixelsAtTheirCentresAndIsLinearBetween) {
+  const Image image = ramp();
+  for (int y = 0; y < 2; ++y)
+    for (int x = 0; x < 4; ++x)
+      EXPECT_EQ(image.bilinear({(static_cast<float>(x) + 0.5f) / 4, (static_cast<float>(y) + 0.5f) / 2}, ImageWrap::kClamp),
+                image.at(x, y));
+  EXPECT_FLOAT_EQ(image.bilinear({0.25f, 0.5f}, ImageWrap::kClamp).r, 2.5f);
+}
+
+TEST(ImageLookups, WrapDecidesWhatLiesOutside) {
+  const Image image = ramp();
+  EXPECT_EQ(image.nearest({-0.1f, 0.1f}, ImageWrap::kRepeat).r, 3);
+  EXPECT_EQ(image.nearest({1.1f, 1.1f}, ImageWrap::kRepeat).r, 0);
+  EXPECT_EQ(image.nearest({1.1f, 0.1f}, ImageWrap::kBlack).r, 0);
+  EXPECT_EQ(image.nearest({1.1f, 0.1f}, ImageWrap::kClamp).r, 3);
+  EXPECT_EQ(image.nearest({-0.1f, 0.1f}, ImageWrap::kOctahedralSphere).r, 4);  // the left edge goes on in the mirrored row
+  EXPECT_EQ(image.nearest({0.1f, -0.1f}, ImageWrap::kOctahedralSphere).r, 3);  // the top edge in the mirrored column
+}
+
+TEST(ImageLookups, AnyCoordinateIsSafe) {
+  const Image image = ramp();
+  for (const ImageWrap wrap : {ImageWrap::kRepeat, ImageWrap::kBlack, ImageWrap::kClamp, ImageWrap::kOctahedralSphere})
+    for (const float s : {-1e30f, -1e9f, -7.3f, 0.0f, 1.0f, 1e9f, kInf, std::numeric_limits<float>::quiet_NaN()}) {
+      const Rgb c = image.bilinear({s, -s}, wrap);
+      EXPECT_TRUE(is_finite(c) && c.r >= 0 && c.r <= 7);
+    }
+}
+
+}  // namespace
+}  // namespace woodcock
