@@ -1,30 +1,89 @@
 #include "renderer/lights/infinite_light.h"
 
+#include <numbers>
+
 #include "renderer/core/warp.h"
+#include "renderer/lights/octahedral.h"
 #include "renderer/scene/scene_error.h"
 
 namespace woodcock {
+namespace {
 
-InfiniteLight::InfiniteLight(const LightDescription& description, const InfiniteLightDescription& light, const DMat4& /*render_from_world*/,
+constexpr double kSphere = 4 * std::numbers::pi;
+
+/// What pbrt-v4 takes for the illuminance that the image casts on a horizontal patch: its sum over the upper
+/// hemisphere carries 2π instead of 4π solid angle for the whole square. Scenes are made to that measure, so it is kept.
+double pbrt_illuminance(const Image& image) {
+  double sum = 0;
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < image.width; ++x) {
+      const double cosine = octahedral_to_sphere({(x + 0.5) / image.width, (y + 0.5) / image.height}).z;
+      if (cosine > 0) sum += cosine * static_cast<double>(luminance(image.at(x, y)));
+    }
+  return sum * 2 * std::numbers::pi / (static_cast<double>(image.width) * image.height);
+}
+
+}  // namespace
+
+InfiniteLight::InfiniteLight(const LightDescription& description, const InfiniteLightDescription& light, const DMat4& render_from_world,
                              float scene_radius)
     : scale_(light.radiance), scene_radius_(scene_radius) {
-  if (!light.image_file.empty()) throw SceneError(description.where, "found an environment image, expected a constant radiance");
-  if (light.illuminance > 0) scale_ *= light.illuminance / kPi;
+  if (light.image_file.empty()) {
+    if (light.illuminance > 0) scale_ *= light.illuminance / kPi;
+    return;
+  }
+  image_ = load_image(light.image_file, "", description.where);
+  if (image_.width != image_.height)
+    throw SceneError(description.where, "found an environment image of " + std::to_string(image_.width) + "x" +
+                                            std::to_string(image_.height) +
+                                            " pixels, expected a square equal-area octahedral one: " + light.image_file);
+  std::vector<float> weights;
+  weights.reserve(image_.pixels.size());
+  glm::dvec3 sum(0);
+  for (Rgb& pixel : image_.pixels) {
+    pixel = glm::max(pixel, Rgb(0));
+    weights.push_back(average(pixel));
+    sum += glm::dvec3(pixel);
+  }
+  mean_ = Rgb(sum / static_cast<double>(image_.pixels.size()));
+  if (light.illuminance > 0) {
+    const double illuminance = pbrt_illuminance(image_);
+    if (!(illuminance > 0))
+      throw SceneError(description.where, "found \"illuminance\" with an image whose upper hemisphere is black: " + light.image_file);
+    scale_ *= static_cast<float>(static_cast<double>(light.illuminance) / illuminance);
+  }
+  distribution_ = PiecewiseConstant2D(image_.width, image_.height, weights);
+  directions_ = DirectionMap(glm::inverse(glm::dmat3(render_from_world * description.world_from_light)));
 }
 
 std::optional<LightSample> InfiniteLight::sample(Vec3 /*ref*/, Vec2 u, float /*u_primitive*/) const {
   LightSample sample;
-  sample.wi = square_to_sphere(u);
+  if (image_.pixels.empty()) {
+    sample.wi = square_to_sphere(u);
+  } else {
+    if (!(distribution_.total() > 0)) return std::nullopt;
+    sample.wi = Vec3(directions_.to_a(octahedral_to_sphere(distribution_.sample(DVec2(u)))));
+  }
+  // Both are looked up by the rounded direction, so that they agree with what a ray along it would meet.
   sample.radiance = radiance(sample.wi);
   sample.pdf = pdf(sample.wi);
-  if (is_black(sample.radiance)) return std::nullopt;
+  if (is_black(sample.radiance) || !(sample.pdf > 0)) return std::nullopt;
   return sample;
 }
 
-Rgb InfiniteLight::radiance(Vec3 /*direction*/) const { return scale_; }
+Rgb InfiniteLight::radiance(Vec3 direction) const {
+  if (image_.pixels.empty()) return scale_;
+  const IVec2 pixel = distribution_.cell_of(sphere_to_octahedral(directions_.to_b(DVec3(direction))));
+  return scale_ * image_.at(pixel.x, pixel.y);
+}
 
-float InfiniteLight::pdf(Vec3 /*direction*/) const { return square_to_sphere_pdf(); }
+float InfiniteLight::pdf(Vec3 direction) const {
+  if (image_.pixels.empty()) return square_to_sphere_pdf();
+  const DVec3 d(direction);
+  const double pdf = distribution_.pdf(sphere_to_octahedral(directions_.to_b(d))) / kSphere;
+  return static_cast<float>(pdf * directions_.solid_angle_ratio(d));
+}
 
-Rgb InfiniteLight::power() const { return 4 * kPi * kPi * scene_radius_ * scene_radius_ * scale_; }
+Rgb InfiniteLight::power() const { return 4 * kPi * kPi * scene_radius_ * scene_radius_ * scale_ * mean_; }
 
 }  // namespace woodcock

@@ -1,7 +1,5 @@
 #include "renderer/lights/light.h"
 
-#include <algorithm>
-
 #include "renderer/lights/light_table.h"
 #include "renderer/scene/scene_error.h"
 
@@ -17,23 +15,19 @@ struct Overloaded : F... {
 /// and without this part a far-away ground plane would starve every small lamp.
 constexpr double kUniformShare = 0.2;
 
-void fill_choice(LightTable& table) {
+std::vector<double> choice_weights(const std::vector<Rgb>& powers) {
   double total = 0;
   int shining = 0;
-  for (const Rgb& power : table.power) {
+  for (const Rgb& power : powers) {
     total += static_cast<double>(average(power));
     shining += average(power) > 0;
   }
-  double sum = 0;
-  for (const Rgb& power : table.power) {
+  std::vector<double> weights;
+  for (const Rgb& power : powers) {
     const double p = static_cast<double>(average(power));
-    const double choice = !(total > 0) ? 1.0 / static_cast<double>(table.power.size())
-                          : p > 0      ? (1 - kUniformShare) * p / total + kUniformShare / shining
-                                       : 0.0;
-    sum += choice;
-    table.pmf.push_back(static_cast<float>(choice));
-    table.cdf.push_back(sum);
+    weights.push_back(!(total > 0) ? 1.0 : p > 0 ? (1 - kUniformShare) * p / total + kUniformShare / shining : 0.0);
   }
+  return weights;
 }
 
 float bounding_radius(Box3 bounds) {
@@ -47,7 +41,7 @@ float bounding_radius(Box3 bounds) {
 
 Lights::Lights() : table_(std::make_shared<LightTable>()) {}
 
-Lights::Lights(const SceneDescription& description, const std::vector<Shape>& /*shapes*/, const DMat4& render_from_world, double scale,
+Lights::Lights(const SceneDescription& description, const std::vector<Shape>& shapes, const DMat4& render_from_world, double scale,
                Box3 bounds) {
   auto table = std::make_shared<LightTable>();
   const float radius = bounding_radius(bounds);
@@ -68,24 +62,31 @@ Lights::Lights(const SceneDescription& description, const std::vector<Shape>& /*
                },
                light.kind);
   }
-  for (const ShapeDescription& shape : description.shapes)
-    if (shape.area_light) throw SceneError(shape.where, "found an area light, expected a light that is no shape");
-  fill_choice(*table);
+  table->light_of_shape.assign(description.shapes.size(), kNone);
+  for (size_t i = 0; i < description.shapes.size(); ++i) {
+    const ShapeDescription& shape = description.shapes[i];
+    if (!shape.area_light) continue;
+    table->light_of_shape[i] = static_cast<int>(table->lights.size());
+    add(AreaLight(shape, static_cast<int>(i), shapes[i], scale), shape.where);
+  }
+  for (const ObjectDescription& object : description.objects)
+    for (const ShapeDescription& shape : object.shapes)
+      if (shape.area_light)
+        throw SceneError(shape.where,
+                         "found an area light in the object \"" + object.name + "\", expected one on a shape outside of objects");
+  table->choice = DiscreteDistribution(choice_weights(table->power));
   table_ = std::move(table);
 }
 
 int Lights::size() const { return static_cast<int>(table_->lights.size()); }
 
 std::optional<Lights::Choice> Lights::choose(float u) const {
-  const std::vector<double>& cdf = table_->cdf;
-  if (cdf.empty()) return std::nullopt;
-  const double target = static_cast<double>(u) * cdf.back();
-  const auto it = std::upper_bound(cdf.begin(), cdf.end() - 1, target);
-  const int light = static_cast<int>(it - cdf.begin());
-  return Choice{light, table_->pmf[static_cast<size_t>(light)]};
+  if (table_->lights.empty()) return std::nullopt;
+  const int light = static_cast<int>(table_->choice.sample(static_cast<double>(u)).index);
+  return Choice{light, pmf(light)};
 }
 
-float Lights::pmf(int light) const { return table_->pmf[static_cast<size_t>(light)]; }
+float Lights::pmf(int light) const { return static_cast<float>(table_->choice.probability(static_cast<size_t>(light))); }
 
 std::optional<LightSample> Lights::sample(int light, Vec3 ref, Vec2 u, float u_primitive) const {
   return std::visit([&](const auto& l) { return l.sample(ref, u, u_primitive); }, table_->lights[static_cast<size_t>(light)]);
@@ -95,9 +96,13 @@ int Lights::light_of_shape(int shape) const {
   return table_->light_of_shape.empty() ? kNone : table_->light_of_shape[static_cast<size_t>(shape)];
 }
 
-Rgb Lights::emitted(int /*light*/, const EmitterHit& /*hit*/, Vec3 /*wo*/) const { return Rgb(0); }
+Rgb Lights::emitted(int light, const EmitterHit& hit, Vec3 wo) const {
+  return std::get<AreaLight>(table_->lights[static_cast<size_t>(light)]).emitted(hit, wo);
+}
 
-float Lights::pdf(int /*light*/, Vec3 /*ref*/, const EmitterHit& /*hit*/, Vec3 /*wi*/) const { return 0; }
+float Lights::pdf(int light, Vec3 ref, const EmitterHit& hit, Vec3 wi) const {
+  return std::get<AreaLight>(table_->lights[static_cast<size_t>(light)]).pdf(ref, hit, wi);
+}
 
 Rgb Lights::environment(Vec3 direction) const {
   Rgb sum(0);

@@ -25,7 +25,7 @@ struct LightSample {
   bool delta = false;
   int shape = kNone;  ///< index of the emitting shape, or kNone
   uint32_t primitive = 0;
-  Vec3 p{0}, n{0};  ///< point and geometric normal (on the emitting side) of an area light
+  Vec3 p{0}, n{0};  ///< area lights: the point and its geometric normal, as renderer/geometry/shape.h defines it
 };
 
 /// A point on an emitting shape met by a ray. `ng` is the unit geometric normal as renderer/geometry/shape.h
@@ -41,8 +41,7 @@ struct LightTable;
 
 /// All lights of a scene. Immutable and thread-safe; copies share their data.
 ///
-/// The models are in distant_light.h … area_light.h of this folder; the list of them is `Light` in
-/// light_table.h.
+/// The models are in delta_lights.h, infinite_light.h and area_light.h; the list of them is `Light` in light_table.h.
 class Lights {
  public:
   /// No light at all.

@@ -7,20 +7,21 @@
 
 #include <variant>
 
+#include "renderer/core/distribution.h"
+#include "renderer/lights/area_light.h"
 #include "renderer/lights/delta_lights.h"
 #include "renderer/lights/infinite_light.h"
 #include "renderer/lights/light.h"
 
 namespace woodcock {
 
-using Light = std::variant<PointLight, SpotLight, DistantLight, InfiniteLight>;
+using Light = std::variant<PointLight, SpotLight, DistantLight, InfiniteLight, AreaLight>;
 
 struct LightTable {
   std::vector<Light> lights;
   std::vector<SourceLocation> where;
   std::vector<Rgb> power;
-  std::vector<float> pmf;
-  std::vector<double> cdf;          // of pmf, cdf[i] belongs to light i; the last is 1
+  DiscreteDistribution choice;
   std::vector<int> light_of_shape;  // empty or one per shape
   std::vector<int> infinite;        // indices of the infinite lights
 };

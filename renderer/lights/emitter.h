@@ -1,0 +1,88 @@
+// Emitting shapes as sampling techniques: a point on the shape from a reference point, and the pdf of doing so.
+//
+// All geometry is in double and in render space; vertices in float are exact there. Techniques and pdfs are
+// functions of the reference point and the primitive only, so that `sample` and `pdf` always speak of the same one.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "renderer/core/distribution.h"
+#include "renderer/geometry/shape.h"
+#include "renderer/lights/direction_map.h"
+#include "renderer/lights/light.h"
+#include "renderer/lights/patch_geometry.h"
+
+namespace woodcock {
+
+/// A point on an emitting shape, seen from a reference point.
+struct EmitterSample {
+  DVec3 p;          ///< on the shape
+  DVec3 ng;         ///< unit geometric normal, as renderer/geometry/shape.h defines it
+  DVec3 wi;         ///< unit, from the reference point to p
+  double distance;  ///< from the reference point to p
+  double pdf;       ///< per solid angle at the reference point
+  Vec2 uv;          ///< texture coordinates
+  uint32_t primitive;
+};
+
+/// Triangles and bilinear patches. A primitive is chosen by its weight, then a point on it: triangles and flat
+/// patches by area where they look small and by solid angle where they look large, other patches uniformly in (u,v).
+/// Primitives without area are never chosen.
+class MeshEmitter {
+ public:
+  /// `equal_weights`: choose primitives alike instead of by area.
+  MeshEmitter(const Shape& shape, bool equal_weights);
+
+  std::optional<EmitterSample> sample(DVec3 ref, DVec2 u, double u_primitive) const;
+  double pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const;
+  size_t primitives() const { return areas_.size(); }
+  double area(size_t primitive) const { return areas_[primitive]; }
+
+ private:
+  std::array<DVec3, 3> triangle(size_t i) const;
+  PatchCorners patch(size_t i) const;
+  /// `normal` (of any length) as a unit vector on the side that the file means; `shading` is 0 without vertex normals.
+  DVec3 orient(DVec3 normal, DVec3 shading) const;
+  DVec3 vertex(uint32_t index) const { return DVec3(positions_[index]); }
+  bool is_flat(size_t primitive) const { return flat_[primitive] != 0; }
+
+  std::vector<Vec3> positions_, normals_;
+  std::vector<Vec2> uv_;
+  std::vector<std::array<uint32_t, 3>> triangles_;
+  std::vector<std::array<uint32_t, 4>> patches_;  // one of the two is empty
+  bool flip_;
+  std::vector<double> areas_;
+  std::vector<char> flat_;  // per patch: two triangles stand for it
+  DiscreteDistribution choice_;
+};
+
+/// Spheres, disks and cylinders. A full sphere, however its transform stretches it, is sampled in its own space:
+/// by solid angle from outside, uniformly in direction from inside. Everything else is sampled by area.
+class QuadricEmitter {
+ public:
+  explicit QuadricEmitter(const Shape& shape);
+
+  std::optional<EmitterSample> sample(DVec3 ref, DVec2 u, double u_primitive) const;
+  double pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const;
+  size_t primitives() const { return 1; }
+  double area(size_t) const { return area_; }
+
+ private:
+  DVec3 object_normal(DVec3 p) const;
+  Vec2 texture_coordinates(DVec3 p) const;
+  DVec3 point(DVec2 u) const;  // uniform by object-space area
+  double area_ratio(DVec3 p) const;
+  /// The pdf of a direction towards a full sphere, whose centre is d away in object space.
+  double sphere_pdf(double d, DVec3 wi) const;
+  EmitterSample finish(DVec3 p_object, DVec3 ref) const;
+
+  Quadric quadric_;
+  bool flip_;
+  bool full_sphere_;
+  DirectionMap directions_;  // a: render space, b: object space
+  glm::dmat3 cofactor_;      // takes object-space area vectors to render space
+  double object_area_ = 0, area_ = 0;
+};
+
+}  // namespace woodcock

@@ -1,0 +1,342 @@
+// Area lights: what light samples say must be what rays meet. Rays are cast by renderer/geometry, which shares no
+// code with the samplers, so that normals, texture coordinates and primitives are compared as well.
+#include <gtest/gtest.h>
+
+#include <glm/gtc/matrix_transform.hpp>
+#include <numbers>
+
+#include "renderer/core/warp.h"
+#include "tests/lights/light_fixtures.h"
+
+namespace woodcock::test {
+namespace {
+
+struct Case {
+  std::string name;
+  Shape shape;
+  std::vector<Vec3> refs;
+};
+
+DMat4 placed(DVec3 where, DVec3 scale = DVec3(1)) {
+  return glm::scale(glm::rotate(glm::translate(DMat4(1), where), 0.7, DVec3(1, 2, 3)), scale);
+}
+
+Quadric quadric(Quadric::Kind kind) {
+  Quadric q;
+  q.kind = kind;
+  if (kind == Quadric::Kind::kDisk) q.z_min = 0;  // its height
+  return q;
+}
+
+Shape triangle_shape(const Mesh& mesh, bool flip = false) {
+  Shape shape;
+  shape.geometry = mesh;
+  shape.flip = flip;
+  return shape;
+}
+Shape patch_shape(const PatchMesh& mesh, bool flip = false) {
+  Shape shape;
+  shape.geometry = mesh;
+  shape.flip = flip;
+  return shape;
+}
+
+void add(std::vector<Case>& cases, const std::string& name, const Shape& shape, const std::vector<Vec3>& refs) {
+  Case& added = cases.emplace_back();
+  added.name = name;
+  added.shape = shape;
+  added.refs = refs;
+}
+
+std::vector<Case> cases() {
+  std::vector<Case> cases;
+  Mesh triangles;
+  triangles.positions = {{-1, 0, 0}, {1, 0.2f, 0}, {0, 1, 0.3f}, {0.5f, -2, 1}, {3, 3, 3}};
+  triangles.uv = {{0, 0}, {1, 0}, {0.5f, 1}, {0, 1}, {0, 0}};
+  triangles.triangles = {{0, 1, 2}, {0, 3, 1}, {4, 4, 4}};  // the last has no area
+  add(cases, "triangles", triangle_shape(triangles), {{0, 0, 2}, {0.3f, 0.2f, 0.4f}, {5, 1, 3}, {20, 20, 20}});
+  add(cases, "flipped triangles", triangle_shape(triangles, true), {{0, 0.2f, -1}, {0, -3, -0.1f}});
+  Mesh smooth = triangles;
+  smooth.normals = {{0, 0, -1}, {0, 0, -1}, {0, 0, -1}, {0, 0, -1}, {0, 0, -1}};
+  add(cases, "triangles with vertex normals", triangle_shape(smooth), {{0, 0.2f, -1}, {1, 1, 1}});
+  Mesh huge;
+  huge.positions = {{-1e4f, 0, -1e4f}, {1e4f, 0, -1e4f}, {0, 0, 1e4f}};
+  huge.triangles = {{0, 2, 1}};
+  add(cases, "huge triangle", triangle_shape(huge), {{0, 1, 0}, {3, 0.01f, 5}, {2e3f, 900, 3e3f}});
+
+  PatchMesh flat;
+  flat.positions = {{-1, -1, 0}, {1, -1, 0}, {-1.5f, 1, 0}, {1, 2, 0}};
+  flat.patches = {{0, 1, 2, 3}};
+  add(cases, "flat patch", patch_shape(flat), {{0, 0, 1}, {0.4f, 0.3f, 0.1f}, {3, 0, 2}, {10, 10, 10}});
+  PatchMesh bent;
+  bent.positions = {{-1, -1, 0.5f}, {1, -1, -0.5f}, {-1, 1, -0.5f}, {1, 1.5f, 1}};
+  bent.uv = {{0, 0}, {0.5f, 0}, {0, 1}, {1, 1}};
+  bent.patches = {{0, 1, 2, 3}};
+  add(cases, "bent patch", patch_shape(bent), {{0, 0, 2}, {2, 1, 1.5f}});
+  add(cases, "flipped bent patch", patch_shape(bent, true), {{0, 0, -2}});
+
+  add(cases, "sphere", quadric_shape(quadric(Quadric::Kind::kSphere), placed({1, 2, 3})), {{0, 0, 0}, {1, 2, 4.01f}, {9, 9, 9}});
+  cases.push_back(
+      {"sphere from inside", quadric_shape(quadric(Quadric::Kind::kSphere), placed({0, 0, 0}), true), {{0, 0, 0}, {0.9f, 0, 0}}});
+  cases.push_back(
+      {"stretched sphere", quadric_shape(quadric(Quadric::Kind::kSphere), placed({0, 0, 0}, {1, 0.3, 2.5})), {{2, 2, 2}, {0, -1, 3}}});
+  add(cases, "stretched sphere from inside", quadric_shape(quadric(Quadric::Kind::kSphere), placed({0, 0, 0}, {1, 0.3, 2.5}), true),
+      {{0, 0, 0}, {0.1f, 0.1f, 0.2f}});
+  add(cases, "mirrored sphere", quadric_shape(quadric(Quadric::Kind::kSphere), placed({0, 0, 0}, {1, 1, -1})), {{2, 2, 2}});
+  Quadric part = quadric(Quadric::Kind::kSphere);
+  part.z_min = -0.3;
+  part.z_max = 0.8;
+  part.phi_max = 4;
+  add(cases, "part of a sphere", quadric_shape(part, placed({0, 0, 0}, {1, 0.7, 1.2})), {{2, 2, 2}, {0, 3, -1}});
+  Quadric ring = quadric(Quadric::Kind::kDisk);
+  ring.inner_radius = 0.4;
+  ring.phi_max = 5;
+  add(cases, "part of a ring", quadric_shape(ring, placed({0, 0, 0}, {2, 1, 1})), {{1, 2, 3}, {0.2f, 0.1f, 1}});
+  Quadric tube = quadric(Quadric::Kind::kCylinder);
+  tube.phi_max = 4.5;
+  add(cases, "part of a cylinder", quadric_shape(tube, placed({0, 0, 0}, {1, 0.5, 1.5})), {{2, 2, 2}, {3, -1, 0}});
+  return cases;
+}
+
+/// Directions uniform in a cone around the light, with their pdf.
+class Cone {
+ public:
+  Cone(Box3 bounds, Vec3 ref) {
+    const DVec3 axis = DVec3(bounds.center()) - DVec3(ref);
+    const double d = glm::length(axis), r = 0.5 * glm::length(DVec3(bounds.extent()));
+    height_ = d > r ? 1 - std::sqrt(1 - (r / d) * (r / d)) : 2;
+    height_ = std::min(2.0, height_ * 1.0001);
+    frame_ = Frame::from_normal(d > 0 ? Vec3(axis / d) : Vec3(0, 0, 1));
+  }
+  Vec3 sample(Stream& random) const {
+    const double h = height_ * random.uniform_double(), phi = 2 * std::numbers::pi * random.uniform_double();
+    const double sine = std::sqrt(h * (2 - h));
+    return glm::normalize(
+        frame_.to_world({static_cast<float>(sine * std::cos(phi)), static_cast<float>(sine * std::sin(phi)), static_cast<float>(1 - h)}));
+  }
+  double solid_angle() const { return 2 * std::numbers::pi * height_; }
+
+ private:
+  Frame frame_;
+  double height_;
+};
+
+/// Every point of the light along a ray, nearest first.
+std::vector<EmitterHit> all_hits(const Geometry& geometry, Vec3 ref, Vec3 direction) {
+  std::vector<EmitterHit> hits;
+  Ray ray{ref, direction};
+  while (const auto hit = geometry.intersect(ray, static_cast<double>(kInf))) {
+    const SurfacePoint at = geometry.surface(*hit, ray);
+    // A ray that goes on may meet the patch it comes from again, by the rounding of the patch's plane.
+    if (hits.empty() || glm::distance(hits.back().p, at.p) > 1e-5f) hits.push_back({at.p, at.ng, at.uv, hit->primitive});
+    ray.o = at.p + 2e-6f * (glm::length(at.p) + glm::distance(at.p, ref)) * direction;
+  }
+  return hits;
+}
+
+/// Test functions over directions whose integrals against the light are compared: 1 and four half spaces.
+constexpr int kFunctions = 5;
+double test_function(int k, Vec3 w) {
+  if (k == 0) return 1;
+  constexpr Vec3 kAxis[4] = {{0.6f, 0.8f, 0}, {0, -0.6f, 0.8f}, {0.8f, 0, -0.6f}, {-0.5f, 0.5f, 0.7f}};
+  return 1 + static_cast<double>(glm::dot(w, kAxis[k - 1]) > 0);
+}
+
+TEST(AreaLight, SamplesAndRaysFindTheSameLight) {
+  constexpr int kSamples = 30000;
+  for (const bool two_sided : {false, true})
+    for (const Case& c : cases()) {
+      AreaLightDescription light;
+      light.two_sided = two_sided;
+      const Lights lights = lights_of(emitting(light), {c.shape});
+      const Geometry geometry({c.shape}, 1, {}, {});
+      for (size_t r = 0; r < c.refs.size(); ++r) {
+        SCOPED_TRACE(c.name + (two_sided ? ", two-sided" : "") + ", point " + std::to_string(r));
+        const Vec3 ref = c.refs[r];
+        const Cone cone(bounds_of(c.shape), ref);
+        Stream random(0x11 + r);
+        Estimate by_light[kFunctions], by_ray[kFunctions], density;
+        for (int i = 0; i < kSamples; ++i) {
+          const auto s = lights.sample(0, ref, random.uniform2(), random.uniform());
+          bool visible = false;
+          if (s) {
+            const auto hits = all_hits(geometry, ref, s->wi);
+            // What lies behind the nearest point of the light is in its own shadow.
+            visible = hits.empty() || glm::distance(ref, hits[0].p) >= s->distance * 0.999f;
+          }
+          for (int k = 0; k < kFunctions; ++k)
+            by_light[k].add(s && visible ? static_cast<double>(s->radiance.g / s->pdf) * test_function(k, s->wi) : 0.0);
+
+          const Vec3 w = cone.sample(random);
+          const auto hits = all_hits(geometry, ref, w);
+          double pdf = 0;
+          for (const EmitterHit& hit : hits) pdf += static_cast<double>(lights.pdf(0, ref, hit, w));
+          density.add(pdf * cone.solid_angle());
+          const double emitted = hits.empty() ? 0 : static_cast<double>(lights.emitted(0, hits[0], -w).g) * cone.solid_angle();
+          for (int k = 0; k < kFunctions; ++k) by_ray[k].add(emitted * test_function(k, w));
+        }
+        EXPECT_TRUE(agree(density, 1)) << "∫ pdf = " << density.mean() << " ± " << density.error();
+        for (int k = 0; k < kFunctions; ++k)
+          EXPECT_TRUE(agree(by_light[k], by_ray[k]))
+              << "function " << k << ": by light " << by_light[k].mean() << " ± " << by_light[k].error() << ", by ray " << by_ray[k].mean()
+              << " ± " << by_ray[k].error();
+      }
+    }
+}
+
+TEST(AreaLight, PdfOfASampledPointIsThePdfOfTheSample) {
+  for (const Case& c : cases()) {
+    AreaLightDescription light;
+    light.two_sided = true;
+    const Lights lights = lights_of(emitting(light), {c.shape});
+    for (const Vec3 ref : c.refs) {
+      Stream random(7);
+      for (int i = 0; i < 500; ++i) {
+        const auto s = lights.sample(0, ref, random.uniform2(), random.uniform());
+        if (!s) continue;
+        // Grazing views of curved shapes turn float rounding of the point into changes of its cosine.
+        const double cosine = std::abs(static_cast<double>(glm::dot(s->wi, s->n)));
+        const float pdf = lights.pdf(0, ref, {s->p, s->n, Vec2(0), s->primitive}, s->wi);
+        EXPECT_NEAR(pdf / s->pdf, 1, 1e-4 + 1e-5 / cosine) << c.name;
+        EXPECT_NEAR(glm::distance(ref + s->distance * s->wi, s->p), 0, 1e-6f * (glm::length(s->p) + glm::length(ref))) << c.name;
+      }
+    }
+  }
+}
+
+TEST(AreaLight, N64_HugeTriangleNearTheHorizonMatchesItsExactIrradiance) {
+  // A rectangle from x = 1 to 1e5, 2e5 wide, 1e-3 above the plane of the receiver; the exact irradiance of a receiver
+  // that faces along +x comes from Lambert's formula for polygons.
+  Mesh mesh;
+  const float h = 1e-3f;
+  mesh.positions = {{1, h, -1e5f}, {1e5f, h, -1e5f}, {1e5f, h, 1e5f}, {1, h, 1e5f}};
+  mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  const Shape shape = triangle_shape(mesh);
+  AreaLightDescription light;
+  light.two_sided = true;
+  const Lights lights = lights_of(emitting(light), {shape});
+  const DVec3 n(1, 0, 0);
+  double exact = 0;
+  for (int i = 0; i < 4; ++i) {
+    const DVec3 a = glm::normalize(DVec3(mesh.positions[static_cast<size_t>(i)]));
+    const DVec3 b = glm::normalize(DVec3(mesh.positions[static_cast<size_t>((i + 1) % 4)]));
+    const DVec3 cross = glm::cross(a, b);
+    exact += 0.5 * std::atan2(glm::length(cross), glm::dot(a, b)) * glm::dot(glm::normalize(cross), n);
+  }
+  Estimate irradiance;
+  Stream random(3);
+  for (int i = 0; i < 6000000; ++i) {
+    const auto s = lights.sample(0, Vec3(0), random.uniform2(), random.uniform());
+    irradiance.add(s ? static_cast<double>(s->wi.x / s->pdf) : 0.0);
+  }
+  EXPECT_TRUE(agree(irradiance, std::abs(exact))) << irradiance.mean() << " ± " << irradiance.error() << ", exact " << exact;
+  EXPECT_LT(irradiance.error(), 5e-4 * std::abs(exact));
+}
+
+TEST(AreaLight, N31_TinyAndVeryCloseSpheresKeepTheirSolidAngle) {
+  const Quadric unit = quadric(Quadric::Kind::kSphere);
+  AreaLightDescription light;
+  // Half a millionth of a degree wide: the solid angle is π (r/d)².
+  const double angle = 1e-6 * std::numbers::pi / 180 / 2;
+  const Shape far = quadric_shape(unit, glm::scale(glm::translate(DMat4(1), DVec3(0, 0, 1000)), DVec3(1000 * angle)));
+  const auto s = lights_of(emitting(light), {far}).sample(0, Vec3(0), {0.3f, 0.7f}, 0);
+  ASSERT_TRUE(s);
+  EXPECT_NEAR(1 / static_cast<double>(s->pdf), std::numbers::pi * angle * angle, 1e-6 * std::numbers::pi * angle * angle);
+  EXPECT_NEAR(static_cast<double>(s->wi.z), 1, 1e-7);
+  // 1e-6 above a sphere of radius 1 it fills nearly a hemisphere: 1 − cos = 1 − √(1 − 1/d²).
+  const Shape near = quadric_shape(unit, DMat4(1));
+  const float z = 1 + 1e-6f;
+  const double d = static_cast<double>(z), solid_angle = 2 * std::numbers::pi * (1 - std::sqrt((d - 1) * (d + 1)) / d);
+  Stream random(5);
+  for (int i = 0; i < 1000; ++i) {
+    const auto t = lights_of(emitting(light), {near}).sample(0, Vec3(0, 0, z), random.uniform2(), 0);
+    if (!t) continue;
+    EXPECT_NEAR(1 / static_cast<double>(t->pdf), solid_angle, 1e-5 * solid_angle);
+    EXPECT_NEAR(glm::length(t->p), 1, 1e-6);
+  }
+}
+
+TEST(AreaLight, N29_MeshWithoutAreaGivesNoSamplesAndNoNaN) {
+  Mesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 1, 1}, {2, 2, 2}};
+  mesh.triangles = {{0, 1, 2}, {0, 0, 0}};
+  const Lights lights = lights_of(emitting({}), {triangle_shape(mesh)});
+  EXPECT_FALSE(lights.sample(0, {0, 1, 0}, {0.5f, 0.5f}, 0.5f));
+  EXPECT_EQ(lights.pdf(0, {0, 1, 0}, {{1, 1, 1}, {0, 0, 1}, {0, 0}, 0}, {1, 0, 0}), 0);
+  EXPECT_TRUE(is_black(lights.power(0)));
+}
+
+TEST(AreaLight, PowerIsWorldPowerWhateverTheScaleOfRenderSpace) {
+  AreaLightDescription light;
+  light.power = 12;
+  for (const double scale : {1.0, 0.25, 8.0}) {
+    // A world sphere of radius 2: radiance = power / (π · 16π).
+    const Shape shape = quadric_shape(quadric(Quadric::Kind::kSphere), glm::scale(DMat4(1), DVec3(2 * scale)));
+    const Lights lights = lights_of(emitting(light), {shape}, scale);
+    const float expected = 12 / (kPi * 16 * kPi);
+    EXPECT_NEAR(lights.emitted(0, {{0, 0, 1}, {0, 0, 1}, {0, 0}, 0}, {0, 0, 1}).g, expected, 1e-5f * expected);
+    EXPECT_NEAR(lights.power(0).g, 12 * scale * scale, 1e-4 * scale * scale);
+  }
+}
+
+TEST(AreaLight, EmitsOnTheSideOfItsNormalOnly) {
+  const Shape disk = quadric_shape(quadric(Quadric::Kind::kDisk), DMat4(1));
+  AreaLightDescription light;
+  const Lights one = lights_of(emitting(light), {disk});
+  light.two_sided = true;
+  const Lights two = lights_of(emitting(light), {disk});
+  const EmitterHit hit{{0, 0, 0}, {0, 0, 1}, {0, 0}, 0};
+  EXPECT_EQ(one.emitted(0, hit, {0, 0, 1}).g, 1);
+  EXPECT_EQ(one.emitted(0, hit, {0, 0, -1}).g, 0);
+  EXPECT_EQ(two.emitted(0, hit, {0, 0, -1}).g, 1);
+  EXPECT_TRUE(one.sample(0, {0, 0, 1}, {0.2f, 0.2f}, 0));
+  EXPECT_FALSE(one.sample(0, {0, 0, -1}, {0.2f, 0.2f}, 0));
+  EXPECT_TRUE(two.sample(0, {0, 0, -1}, {0.2f, 0.2f}, 0));
+}
+
+TEST(AreaLight, OpacityWeightsSamplesAndInvisibleLightsAreDelta) {
+  const Shape disk = quadric_shape(quadric(Quadric::Kind::kDisk), DMat4(1));
+  const Lights half = lights_of(emitting({}, {0.5f, kNone}), {disk});
+  const Lights invisible = lights_of(emitting({}, {0, kNone}), {disk});
+  const Lights textured = lights_of(emitting({}, {1, 0}), {disk});
+  const EmitterHit hit{{0, 0, 0}, {0, 0, 1}, {0, 0}, 0};
+  EXPECT_EQ(half.sample(0, {0, 0, 1}, {0.2f, 0.2f}, 0)->radiance.g, 0.5f);
+  EXPECT_EQ(half.emitted(0, hit, {0, 0, 1}).g, 1);
+  EXPECT_EQ(invisible.sample(0, {0, 0, 1}, {0.2f, 0.2f}, 0)->radiance.g, 1);
+  EXPECT_TRUE(invisible.sample(0, {0, 0, 1}, {0.2f, 0.2f}, 0)->delta);
+  EXPECT_FALSE(textured.sample(0, {0, 0, 1}, {0.2f, 0.2f}, 0));
+  EXPECT_EQ(textured.pdf(0, {0, 0, 1}, hit, {0, 0, -1}), 0);
+}
+
+TEST(AreaLight, ImageIsSampledAsRaysSeeIt) {
+  AreaLightDescription light;
+  light.image_file = write_pfm("area_light.pfm", 2, 2, {Rgb(4), Rgb(8), Rgb(1), Rgb(2)});
+  for (const Case& c : cases()) {
+    if (c.name != "triangles" && c.name != "bent patch" && c.name != "flat patch" && c.name != "sphere" && c.name != "part of a sphere" &&
+        c.name != "part of a ring" && c.name != "part of a cylinder")
+      continue;
+    SCOPED_TRACE(c.name);
+    const Lights lights = lights_of(emitting(light), {c.shape});
+    const Geometry geometry({c.shape}, 1, {}, {});
+    Stream random(1);
+    int compared = 0;
+    for (int i = 0; i < 200; ++i) {
+      const auto s = lights.sample(0, c.refs[0], random.uniform2(), random.uniform());
+      if (!s) continue;
+      const auto hits = all_hits(geometry, c.refs[0], s->wi);
+      for (const EmitterHit& hit : hits) {
+        if (hit.primitive != s->primitive || glm::distance(hit.p, s->p) > 1e-4f) continue;
+        ++compared;
+        EXPECT_NEAR(lights.emitted(0, hit, -s->wi).g, s->radiance.g, 1e-3f);
+      }
+    }
+    EXPECT_GT(compared, 50);
+  }
+  // The first row of the picture lies at v = 1.
+  const Lights disk = lights_of(emitting(light), {quadric_shape(quadric(Quadric::Kind::kDisk), DMat4(1))});
+  EXPECT_EQ(disk.emitted(0, {{0, 0, 0}, {0, 0, 1}, {0, 0}, 0}, {0, 0, 1}).g, 1);
+  EXPECT_EQ(disk.emitted(0, {{0, 0, 0}, {0, 0, 1}, {1, 1}, 0}, {0, 0, 1}).g, 8);
+}
+
+}  // namespace
+}  // namespace woodcock::test

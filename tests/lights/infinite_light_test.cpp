@@ -1,0 +1,187 @@
+// Environment lights: constant ones and equal-area octahedral images.
+#include <gtest/gtest.h>
+
+#include <glm/gtc/matrix_transform.hpp>
+#include <numbers>
+
+#include "renderer/core/warp.h"
+#include "renderer/lights/octahedral.h"
+#include "renderer/scene/scene_error.h"
+#include "tests/lights/light_fixtures.h"
+
+namespace woodcock::test {
+namespace {
+
+/// A square picture of zeros in which `lit` (from the top left) has the given colours.
+std::string picture(const std::string& name, int n, const std::vector<std::pair<IVec2, Rgb>>& lit) {
+  std::vector<Rgb> pixels(static_cast<size_t>(n * n), Rgb(0));
+  for (const auto& [at, value] : lit) pixels[static_cast<size_t>(at.y * n + at.x)] = value;
+  return write_pfm(name, n, n, pixels);
+}
+
+Lights image_light(const std::string& file, const DMat4& world_from_light = DMat4(1), float illuminance = 0) {
+  InfiniteLightDescription light;
+  light.image_file = file;
+  light.illuminance = illuminance;
+  return one_light(light, world_from_light);
+}
+
+TEST(Octahedral, MapIsItsInverseAndKeepsArea) {
+  Stream random(1);
+  for (int i = 0; i < 100000; ++i) {
+    const DVec2 p(random.uniform_double(), random.uniform_double());
+    const DVec3 w = octahedral_to_sphere(p);
+    EXPECT_NEAR(glm::length(w), 1, 1e-14);
+    EXPECT_LT(glm::distance(sphere_to_octahedral(w), p), 1e-7);
+  }
+  // Area: the Jacobian by central differences is 4π wherever the map is smooth.
+  constexpr double kStep = 1e-5;
+  for (int i = 0; i < 1000; ++i) {
+    const DVec2 p(0.01 + 0.98 * random.uniform_double(), 0.01 + 0.98 * random.uniform_double());
+    const DVec2 q = glm::abs(2.0 * p - 1.0);
+    if (std::abs(q.x + q.y - 1) < 1e-3 || q.x < 1e-3 || q.y < 1e-3) continue;
+    const DVec3 du = octahedral_to_sphere(p + DVec2(kStep, 0)) - octahedral_to_sphere(p - DVec2(kStep, 0));
+    const DVec3 dv = octahedral_to_sphere(p + DVec2(0, kStep)) - octahedral_to_sphere(p - DVec2(0, kStep));
+    EXPECT_NEAR(glm::length(glm::cross(du, dv)) / (4 * kStep * kStep), 4 * std::numbers::pi, 1e-4);
+  }
+}
+
+TEST(Octahedral, AxesLieWhereTheFormatSays) {
+  EXPECT_EQ(sphere_to_octahedral({0, 0, 1}), DVec2(0.5, 0.5));
+  EXPECT_LT(glm::distance(sphere_to_octahedral({1, 0, 0}), DVec2(1, 0.5)), 1e-15);
+  EXPECT_LT(glm::distance(sphere_to_octahedral({0, 1, 0}), DVec2(0.5, 1)), 1e-15);
+  EXPECT_LT(glm::distance(sphere_to_octahedral({-1, 0, 0}), DVec2(0, 0.5)), 1e-15);
+  for (const double x : {0.0, -0.0})
+    for (const double y : {0.0, -0.0}) {
+      const DVec2 pole = sphere_to_octahedral({x, y, -1});  // the four corners are one point
+      EXPECT_EQ(pole.x, std::signbit(x) ? 0 : 1);
+      EXPECT_EQ(pole.y, std::signbit(y) ? 0 : 1);
+    }
+  EXPECT_LT(glm::distance(octahedral_to_sphere({0, 0}), DVec3(0, 0, -1)), 1e-15);
+}
+
+TEST(InfiniteLight, N49_OnePixelEqualsAConstant) {
+  InfiniteLightDescription constant;
+  constant.radiance = Rgb(0.5f, 1, 2);
+  const Lights a = one_light(constant), b = image_light(picture("one.pfm", 1, {{{0, 0}, {0.5f, 1, 2}}}));
+  Stream random(2);
+  for (int i = 0; i < 10000; ++i) {
+    const Vec3 w = square_to_sphere(random.uniform2());
+    EXPECT_EQ(a.environment(w), b.environment(w));
+    EXPECT_FLOAT_EQ(a.environment_pdf(w), b.environment_pdf(w));
+    const auto s = b.sample(0, Vec3(0), random.uniform2(), 0);
+    ASSERT_TRUE(s);
+    EXPECT_EQ(s->radiance, Rgb(0.5f, 1, 2));
+    EXPECT_FLOAT_EQ(s->pdf, 0.25f * kInvPi);
+  }
+  EXPECT_NEAR(a.power(0).g, b.power(0).g, 1e-5f * a.power(0).g);
+}
+
+TEST(InfiniteLight, N49_OneLitPixelCarriesItsShareOfTheSphere) {
+  constexpr int kSize = 8;
+  // A middle pixel, the fold at the equator, an edge, a corner (the south pole) and one beside the north pole.
+  for (const IVec2 at : {IVec2(2, 3), IVec2(1, 1), IVec2(0, 4), IVec2(7, 7), IVec2(4, 4)}) {
+    const Lights lights = image_light(picture("lit.pfm", kSize, {{at, Rgb(3)}}));
+    const double solid_angle = 4 * std::numbers::pi / (kSize * kSize);
+    Stream random(4);
+    Estimate by_ray, density;
+    for (int i = 0; i < 200000; ++i) {
+      const Vec3 w = square_to_sphere(random.uniform2());
+      by_ray.add(static_cast<double>(lights.environment(w).g) * 4 * std::numbers::pi);
+      density.add(static_cast<double>(lights.environment_pdf(w)) * 4 * std::numbers::pi);
+    }
+    EXPECT_TRUE(agree(by_ray, 3 * solid_angle));
+    EXPECT_TRUE(agree(density, 1));
+    int lost = 0;
+    for (int i = 0; i < 10000; ++i) {
+      const auto s = lights.sample(0, Vec3(0), random.uniform2(), 0);
+      // Only directions on the border may be rounded into a dark neighbour.
+      if (!s) {
+        ++lost;
+        continue;
+      }
+      EXPECT_NEAR(static_cast<double>(s->radiance.g / s->pdf), 3 * solid_angle, 1e-5);
+    }
+    EXPECT_LE(lost, 2);
+  }
+}
+
+TEST(InfiniteLight, SamplesFollowTheImageUnderAnyTransform) {
+  std::vector<std::pair<IVec2, Rgb>> lit;
+  Stream pixels(9);
+  for (int y = 0; y < 5; ++y)
+    for (int x = 0; x < 5; ++x) lit.push_back({{x, y}, Rgb(pixels.uniform(), pixels.uniform(), x == 2 && y == 1 ? 50.0f : 0.1f)});
+  const std::string file = picture("random.pfm", 5, lit);
+  const DMat4 turned = glm::rotate(DMat4(1), 1.1, DVec3(1, 2, 3));
+  for (const DMat4& m :
+       {DMat4(1), turned, glm::scale(turned, DVec3(-1, 1, 1)), glm::scale(turned, DVec3(1, 0.4, 2)), glm::scale(DMat4(1), DVec3(7))}) {
+    const Lights lights = image_light(file, m);
+    Stream random(12);
+    Estimate by_light[3], by_ray[3], density;
+    for (int i = 0; i < 200000; ++i) {
+      const auto s = lights.sample(0, Vec3(0), random.uniform2(), 0);
+      const Vec3 w = square_to_sphere(random.uniform2());
+      density.add(static_cast<double>(lights.environment_pdf(w)) * 4 * std::numbers::pi);
+      for (int k = 0; k < 3; ++k) {
+        Vec3 axis(0);
+        axis[k] = 1;
+        by_light[k].add(s ? static_cast<double>(s->radiance.b / s->pdf) * (1 + (s->wi[k] > 0)) : 0.0);
+        by_ray[k].add(static_cast<double>(lights.environment(w).b) * (1 + (w[k] > 0)) * 4 * std::numbers::pi);
+      }
+      if (s) {
+        EXPECT_EQ(s->radiance, lights.environment(s->wi));
+        EXPECT_EQ(s->pdf, lights.environment_pdf(s->wi));
+        EXPECT_EQ(s->distance, kInf);
+      }
+    }
+    EXPECT_TRUE(agree(density, 1)) << density.mean();
+    for (int k = 0; k < 3; ++k) EXPECT_TRUE(agree(by_light[k], by_ray[k])) << by_light[k].mean() << " against " << by_ray[k].mean();
+  }
+}
+
+TEST(InfiniteLight, PicturePointsWhereTheFormatSays) {
+  // 4x4 pixels: the four in the middle are the cap around +z, the corners the one around −z.
+  const Lights lights = image_light(picture("up.pfm", 4, {{{1, 1}, Rgb(1)}, {{2, 1}, Rgb(2)}, {{1, 2}, Rgb(3)}, {{2, 2}, Rgb(4)}}));
+  EXPECT_EQ(lights.environment(glm::normalize(Vec3(-0.1f, -0.1f, 1))).g, 1);
+  EXPECT_EQ(lights.environment(glm::normalize(Vec3(0.1f, -0.1f, 1))).g, 2);
+  EXPECT_EQ(lights.environment(glm::normalize(Vec3(-0.1f, 0.1f, 1))).g, 3);
+  EXPECT_EQ(lights.environment(glm::normalize(Vec3(0.1f, 0.1f, 1))).g, 4);
+  EXPECT_EQ(lights.environment(Vec3(0, 0, -1)).g, 0);
+}
+
+TEST(InfiniteLight, IlluminanceSetsTheIrradianceOfAConstantSky) {
+  InfiniteLightDescription light;
+  light.illuminance = 10;
+  EXPECT_NEAR(one_light(light).environment({0, 0, 1}).g, 10 / kPi, 1e-5f);
+  // A white picture of 4 × 4 pixels in pbrt-v4's measure: four centres above the equator, with cosines of 3/4 and a
+  // solid angle of 2π/16 each.
+  std::vector<std::pair<IVec2, Rgb>> all;
+  for (int i = 0; i < 16; ++i) all.push_back({{i % 4, i / 4}, Rgb(1)});
+  EXPECT_NEAR(image_light(picture("white.pfm", 4, all), DMat4(1), 10).environment({0, 0, 1}).g, 80 / (3 * kPi), 1e-4);
+}
+
+TEST(InfiniteLight, RefusesPicturesThatAreNotSquare) {
+  InfiniteLightDescription light;
+  light.image_file = write_pfm("wide.pfm", 2, 1, {Rgb(1), Rgb(1)});
+  EXPECT_THROW(one_light(light), SceneError);
+}
+
+TEST(InfiniteLight, SeveralSkiesAddUpAndShareTheChoice) {
+  SceneDescription scene;
+  LightDescription light;
+  InfiniteLightDescription sky;
+  sky.radiance = Rgb(1);
+  light.kind = sky;
+  scene.lights.push_back(light);
+  sky.radiance = Rgb(3);
+  light.kind = sky;
+  scene.lights.push_back(light);
+  const Lights lights = lights_of(scene);
+  EXPECT_EQ(lights.environment({0, 1, 0}).g, 4);
+  EXPECT_FLOAT_EQ(lights.environment_pdf({0, 1, 0}), 0.25f * kInvPi);
+  EXPECT_TRUE(lights.has_environment());
+  EXPECT_FALSE(Lights().has_environment());
+}
+
+}  // namespace
+}  // namespace woodcock::test
