@@ -1,6 +1,7 @@
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -75,9 +76,17 @@ void fill(Image& image, const std::vector<float>& raw, int channels) {
   for (size_t i = 0; i < n; ++i) image.alpha[i] = raw[i * stride + stride - 1];
 }
 
-void linearise(Image& image, const Decoder& decode) {
+/// Decodes integer-coded colours. Eight-bit ones have 256 values, so a table does.
+void linearise(Image& image, const Decoder& decode, bool eight_bit) {
   if (!decode) return;
-  for (Rgb& p : image.pixels) p = {decode(p.r), decode(p.g), decode(p.b)};
+  if (!eight_bit) {
+    for (Rgb& p : image.pixels) p = {decode(p.r), decode(p.g), decode(p.b)};
+    return;
+  }
+  std::array<float, 256> table;
+  for (size_t i = 0; i < table.size(); ++i) table[i] = decode(static_cast<float>(i) / 255.0f);
+  const auto entry = [&](float v) { return table[static_cast<size_t>(std::lround(std::clamp(v, 0.0f, 1.0f) * 255))]; };
+  for (Rgb& p : image.pixels) p = {entry(p.r), entry(p.g), entry(p.b)};
 }
 
 void check_finite(const Image& image, const std::string& path, const SourceLocation& where) {
@@ -101,12 +110,12 @@ Image read(const std::string& path, const Decoder& decode, const SourceLocation&
   image.width = spec.width;
   image.height = spec.height;
   std::vector<float> raw(static_cast<size_t>(spec.width) * static_cast<size_t>(spec.height) * static_cast<size_t>(channels.count));
-  const bool integers = !spec.format.is_floating_point();
+  const bool integers = !spec.format.is_floating_point(), eight_bit = spec.format == OIIO::TypeDesc::UINT8;
   if (!input->read_image(0, 0, channels.first, channels.first + channels.count, OIIO::TypeDesc::FLOAT, raw.data()))
     throw SceneError(where, "cannot read image \"" + path + "\": " + input->geterror());
   fill(image, raw, channels.count);
   check_finite(image, path, where);
-  if (integers) linearise(image, decode);
+  if (integers) linearise(image, decode, eight_bit);
   return image;
 }
 
