@@ -11,7 +11,7 @@
 #include <system_error>
 #include <thread>
 
-#include "renderer/film/sha256.h"
+#include "renderer/core/sha256.h"
 #include "rpc/channel.h"
 #include "rpc/limits.h"
 #include "rpc/manifest.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <unordered_set>
 
-#include "renderer/film/sha256.h"
+#include "renderer/core/sha256.h"
 #include "rpc/convert.h"
 #include "rpc/limits.h"
 #include "rpc/status.h"

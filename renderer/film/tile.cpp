@@ -4,7 +4,7 @@
 
 #include <bit>
 
-#include "renderer/film/sha256.h"
+#include "renderer/core/sha256.h"
 
 namespace woodcock {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "renderer/film/sha256.h"
+#include "renderer/core/sha256.h"
 
 namespace woodcock {
 namespace {

@@ -1,13 +1,12 @@
 // What makes bits differ between programs and machines: the render build and the arithmetic class.
 #include <OpenImageIO/imageio.h>
-#include <embree3/rtcore.h>
 #include <gnu/libc-version.h>
 
 #include <cmath>
 #include <cstring>
 
 #include "renderer/core/random.h"
-#include "renderer/film/sha256.h"
+#include "renderer/core/sha256.h"
 #include "renderer/frame/frame_renderer.h"
 #include "renderer/frame/sources_digest.h"
 #include "renderer/geometry/geometry.h"
@@ -96,7 +95,7 @@ std::string render_build() {
     std::string text = std::string("sources ") + std::string(kSourcesDigest).substr(0, 16);
     text += ", gcc " __VERSION__;
     text += std::string(", glibc ") + gnu_get_libc_version();
-    text += ", embree " RTC_VERSION_STRING;
+    text += ", embree " + Geometry::library_version();
     text += ", openimageio " + std::to_string(OIIO::openimageio_version());
     return text;
   }();

@@ -269,14 +269,15 @@ std::optional<Hit> Geometry::intersect(const Ray& ray, double t_max) const {
 
     const auto [shape, instance] = impl_->resolve(r.hit.geomID, r.hit.instID[0]);
     Hit hit{r.ray.tfar, {r.hit.u, r.hit.v}, shape, r.hit.primID, instance};
-    if (std::holds_alternative<Mesh>(impl_->shapes[shape].geometry)) {
-      DVec3 o = query.o, d = query.d;
-      impl_->to_object(instance, o, d);
-      if (const auto exact = impl_->intersect_primitive(shape, hit.primitive, o, d, 0, t_max)) {
-        hit.t = exact->t;
+    DVec3 o = query.o, d = query.d;
+    impl_->to_object(instance, o, d);
+    if (const auto exact = impl_->intersect_primitive(shape, hit.primitive, o, d, t_near, kInf)) {
+      hit.t = exact->t;
+      hit.uv = exact->uv;
+      if (std::holds_alternative<Mesh>(impl_->shapes[static_cast<size_t>(shape)].geometry)) {
         // Embree decided that the triangle is hit; rounding must not put the point outside it.
-        hit.uv.x = std::clamp(exact->uv.x, 0.0, 1.0);
-        hit.uv.y = std::clamp(exact->uv.y, 0.0, 1.0 - hit.uv.x);
+        hit.uv.x = std::clamp(hit.uv.x, 0.0, 1.0);
+        hit.uv.y = std::clamp(hit.uv.y, 0.0, 1.0 - hit.uv.x);
       }
     }
     if (hit.t > 0) return hit.t < t_max ? std::optional(hit) : std::nullopt;
@@ -401,6 +402,11 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray) const {
   s.ng = Vec3(ng);
   s.ns = Vec3(glm::normalize(ns));
   return s;
+}
+
+std::string Geometry::library_version() {
+  const auto version = rtcGetDeviceProperty(device(), RTC_DEVICE_PROPERTY_VERSION);
+  return std::to_string(version / 10000) + "." + std::to_string(version / 100 % 100) + "." + std::to_string(version % 100);
 }
 
 const std::vector<Shape>& Geometry::shapes() const { return impl_->shapes; }

@@ -7,6 +7,7 @@
 
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "renderer/geometry/hit.h"
@@ -47,6 +48,9 @@ class Geometry {
 
   /// The local geometry at a hit that intersect() returned for this ray.
   SurfacePoint surface(const Hit& hit, const Ray& ray) const;
+
+  /// The version of the ray-casting library that is loaded, e.g. "3.13.5".
+  static std::string library_version();
 
   const std::vector<Shape>& shapes() const;
   /// Bounds of everything, empty for an empty scene.

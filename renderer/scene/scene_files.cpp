@@ -11,7 +11,7 @@
 
 #include "renderer/scene/limits.h"
 #include "renderer/scene/scene_error.h"
-#include "renderer/scene/sha256.h"
+#include "renderer/core/sha256.h"
 
 namespace woodcock {
 
@@ -100,11 +100,11 @@ std::string SceneFiles::read(const fs::path& file, uint64_t max_bytes, const Sou
   read_pieces(
       file, max_bytes, where, [&](uint64_t size) { content.reserve(size); },
       [&](const char* data, size_t bytes) {
-        hash.update(data, bytes);
+        hash.raw(data, bytes);
         content.append(data, bytes);
       });
   const std::string relative = file.lexically_relative(root_).generic_string();
-  files_[relative] = {relative, file.string(), hash.finish(), content.size()};
+  files_[relative] = {relative, file.string(), hash.hex(), content.size()};
   return content;
 }
 
@@ -116,10 +116,10 @@ void SceneFiles::record(const fs::path& file, const SourceLocation& where) {
   read_pieces(
       file, limits::kFileBytes, where, [](uint64_t) {},
       [&](const char* data, size_t bytes) {
-        hash.update(data, bytes);
+        hash.raw(data, bytes);
         total += bytes;
       });
-  files_[relative] = {relative, file.string(), hash.finish(), total};
+  files_[relative] = {relative, file.string(), hash.hex(), total};
 }
 
 void SceneFiles::record_text(const std::string& name, const std::string& text) { files_[name] = {name, "", sha256(text), text.size()}; }
@@ -137,9 +137,9 @@ std::string scene_digest(const std::vector<SceneFile>& files) {
   for (const SceneFile& file : files) lines.push_back(file.relative_path + '\0' + file.sha256 + '\n');
   std::sort(lines.begin(), lines.end());
   Sha256 hash;
-  for (const std::string& line : lines) hash.update(line.data(), line.size());
-  if (!files.empty()) hash.update(files.front().relative_path.data(), files.front().relative_path.size());
-  return hash.finish();
+  for (const std::string& line : lines) hash.raw(line.data(), line.size());
+  if (!files.empty()) hash.raw(files.front().relative_path.data(), files.front().relative_path.size());
+  return hash.hex();
 }
 
 }  // namespace woodcock

@@ -1,4 +1,4 @@
-#include "renderer/film/sha256.h"
+#include "renderer/core/sha256.h"
 
 #include <openssl/evp.h>
 
@@ -51,5 +51,7 @@ std::string Sha256::hex() {
   }
   return text;
 }
+
+std::string sha256(std::string_view bytes) { return Sha256().raw(bytes.data(), bytes.size()).hex(); }
 
 }  // namespace woodcock

@@ -1,0 +1,13 @@
+// The subcommands of `woodcock`: each adds itself to the command line and returns its exit code through `code`
+// (0 done, 1 failed, 2 wrong usage, 3 job ended partial).
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace woodcock {
+
+void add_render_command(CLI::App& app, int& code);
+void add_merge_command(CLI::App& app, int& code);
+void add_explain_command(CLI::App& app, int& code);
+
+}  // namespace woodcock

@@ -1,0 +1,15 @@
+// The options that say what to render: shared by `render` and `submit`, so that both mean the same.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "renderer/frame/settings.h"
+
+namespace woodcock {
+
+/// Adds --spp, --seed, --resolution, --crop, --max-depth, --estimator and --allow-unsupported. `settings` must outlive
+/// the parsing.
+void add_frame_options(CLI::App& command, FrameSettings& settings);
+
+}  // namespace woodcock

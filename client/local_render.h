@@ -1,0 +1,25 @@
+// A frame rendered in this process.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <vector>
+
+#include "renderer/frame/frame_renderer.h"
+
+namespace woodcock {
+
+struct LocalRender {
+  /// The maximal dyadic nodes of the samples that are finished, in order; all of one rectangle.
+  std::vector<Tile> nodes;
+  SampleRange samples;
+  bool complete = false;
+};
+
+/// Renders `samples` of the whole frame in passes over tiles of edge `tile_size`, after the nodes in `earlier` (which
+/// end where `samples` begins). When `stop` becomes true the passes finished so far are the result; where not even
+/// one is, the first pass is returned with the tiles that are missing (count 0).
+LocalRender render_locally(const FrameRenderer& frame, SampleRange samples, std::vector<Tile> earlier, int tile_size, int threads,
+                           RenderProgress& progress, const std::atomic<bool>& stop, const std::function<void()>& tick);
+
+}  // namespace woodcock

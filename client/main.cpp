@@ -1,0 +1,33 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+
+#include "client/commands.h"
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Woodcock renders scenes with participating media, here or on a cluster, to the same bits.\n"
+      "Every command explains itself with --help.",
+      "woodcock");
+  app.require_subcommand(1);
+  app.set_version_flag("--version", WOODCOCK_VERSION);
+  app.footer(
+      "Begin with:\n"
+      "  woodcock render scenes/cornell.pbrt -o cornell.exr     render here\n"
+      "  woodcock explain scenes/cloud.pbrt                     what the scene calls for\n"
+      "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the job ended with parts missing.");
+  int code = 0;
+  woodcock::add_render_command(app, code);
+  woodcock::add_merge_command(app, code);
+  woodcock::add_explain_command(app, code);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    // Help and version are no errors; everything else is wrong usage.
+    return app.exit(error) == 0 ? 0 : 2;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "woodcock: %s\n", error.what());
+    return 1;
+  }
+  return code;
+}

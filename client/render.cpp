@@ -1,0 +1,174 @@
+// `woodcock render`: a frame in this process.
+#include <fmt/format.h>
+
+#include <chrono>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "client/commands.h"
+#include "client/frame_options.h"
+#include "client/interrupt.h"
+#include "client/local_render.h"
+#include "client/output_path.h"
+#include "client/progress_line.h"
+#include "renderer/film/exr.h"
+#include "renderer/film/png.h"
+#include "renderer/film/tile.h"
+
+namespace woodcock {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct RenderOptions {
+  std::string scene;
+  std::string output;
+  FrameSettings settings;
+  std::string samples;
+  int threads = 0;
+  int tile = 32;
+  bool resume = false;
+  bool json = false;
+  bool outside_files = false;
+};
+
+/// "A:B" as a range; throws CLI::ValidationError.
+SampleRange parse_samples(const std::string& text) {
+  SampleRange range;
+  char rest = 0;
+  if (std::sscanf(text.c_str(), "%ld:%ld%c", &range.begin, &range.end, &rest) != 2 || range.begin < 0 || range.empty() ||
+      range.end > kMaxSamples) {
+    throw CLI::ValidationError("--samples", "found \"" + text + "\", expected A:B with 0 <= A < B, e.g. 0:16");
+  }
+  return range;
+}
+
+/// The nodes of an earlier file of the same frame. Throws FilmError where they belong to another.
+std::vector<Tile> earlier_nodes(const fs::path& path, const FrameHeader& header) {
+  NodeFile file = read_exr(path);
+  const std::string difference = header_difference(file.info.header, path.string(), header, "this render");
+  if (!difference.empty()) throw FilmError(path.string(), "cannot be resumed: " + difference);
+  if (file.info.missing_pixels > 0) {
+    throw FilmError(path.string(),
+                    "cannot be resumed: " + std::to_string(file.info.missing_pixels) + " pixels miss samples; render it again");
+  }
+  return std::move(file.nodes);
+}
+
+nlohmann::json counters_json(const PathCounters& c) {
+  return {{"paths", c.paths},
+          {"vertices", c.vertices},
+          {"rays", c.rays},
+          {"shadow_rays", c.shadow_rays},
+          {"medium_lookups", c.medium_lookups},
+          {"nonfinite_samples", c.nonfinite},
+          {"clamped_samples", c.clamped},
+          {"majorant_violations", c.majorant_violations},
+          {"truncated_paths", c.truncated}};
+}
+
+void report_health(const PathCounters& c) {
+  if (c.nonfinite > 0) fmt::print(stderr, "warning: {} samples were not finite and count as zero\n", c.nonfinite);
+  if (c.clamped > 0)
+    fmt::print(stderr, "warning: {} samples were clamped by the film's maxcomponentvalue: the picture is biased\n", c.clamped);
+  if (c.majorant_violations > 0)
+    fmt::print(stderr, "warning: {} density look-ups exceeded their bound: the picture is biased\n", c.majorant_violations);
+  if (c.truncated > 0) fmt::print(stderr, "warning: {} paths crossed too many boundaries and were cut off\n", c.truncated);
+}
+
+int run(const RenderOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  const auto seconds = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); };
+  std::atomic<bool>& stop = interrupt_flag();
+
+  ReadOptions read;
+  read.allow_outside_files = options.outside_files;
+  read.warn = [](const std::string& line) { fmt::print(stderr, "warning: {}\n", line); };
+  const FrameRenderer frame(options.scene, options.settings, read);
+  const fs::path output = output_path(options.output, frame.description().film.file_name, options.resume);
+  const double load_seconds = seconds();
+
+  SampleRange samples{0, frame.samples()};
+  if (!options.samples.empty()) samples = parse_samples(options.samples);
+  std::vector<Tile> earlier;
+  if (options.resume && fs::exists(output)) {
+    earlier = earlier_nodes(output, frame.header());
+    if (!earlier.empty()) {
+      if (earlier.front().range.begin != samples.begin) {
+        throw FilmError(output.string(), fmt::format("cannot be resumed: its samples begin at {}, this render's at {}",
+                                                     earlier.front().range.begin, samples.begin));
+      }
+      samples.begin = std::min(earlier.back().range.end, samples.end);
+    }
+  }
+  const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+
+  RenderProgress progress;
+  ProgressLine line("rendering", options.json);
+  const double total = static_cast<double>(samples.size()) * static_cast<double>(frame.header().bounds.area());
+  const auto render_start = seconds();
+  const LocalRender result = render_locally(frame, samples, std::move(earlier), options.tile, threads, progress, stop, [&] {
+    const double done = static_cast<double>(progress.samples.load());
+    line.show(total > 0 ? done / total : 1, format_count(done / std::max(1e-9, seconds() - render_start)) + "samples/s");
+  });
+  line.finish();
+  const double render_seconds = seconds() - render_start;
+
+  write_exr(output, frame.header(), result.nodes);
+  const fs::path png = fs::path(output).replace_extension(".png");
+  write_png(output, png);
+  const std::string digest = digest_of_pixels(frame.header(), result.nodes);
+
+  const FrameHeader& header = frame.header();
+  if (options.json) {
+    nlohmann::json j{{"output", output.string()},
+                     {"png", png.string()},
+                     {"complete", result.complete},
+                     {"samples", {result.samples.begin, result.samples.end}},
+                     {"resolution", {header.width, header.height}},
+                     {"threads", threads},
+                     {"load_seconds", load_seconds},
+                     {"render_seconds", render_seconds},
+                     {"pixel_digest", digest},
+                     {"counters", counters_json(progress.counters)}};
+    fmt::print("{}\n", j.dump(2));
+  } else {
+    fmt::print("{}: samples {} to {} of {}x{} pixels, {} ({} samples/s), {} threads\n", output.string(), result.samples.begin,
+               result.samples.end, header.width, header.height, format_seconds(render_seconds),
+               format_count(static_cast<double>(progress.samples) / std::max(1e-9, render_seconds)), threads);
+    fmt::print("{}: the same picture to look at\n", png.string());
+  }
+  report_health(progress.counters);
+  if (!result.complete) {
+    fmt::print(stderr, "interrupted: {} holds the samples up to {}; continue with --resume\n", output.string(), result.samples.end);
+    return 3;
+  }
+  return 0;
+}
+
+}  // namespace
+
+void add_render_command(CLI::App& app, int& code) {
+  auto* command = app.add_subcommand("render", "Render a scene in this process");
+  auto options = std::make_shared<RenderOptions>();
+  command->add_option("scene", options->scene, "Scene file in pbrt-v4 format")->required();
+  command->add_option("-o,--output", options->output, "EXR to write; without it the scene's own file name, which must not exist yet");
+  add_frame_options(*command, options->settings);
+  command->add_option("--samples", options->samples, "Render only the sample indices A:B, to be put together with `woodcock merge`");
+  command->add_option("--threads", options->threads, "Threads (default: one for each processor)")->check(CLI::Range(1, 1024));
+  command->add_option("--tile", options->tile, "Edge of the tiles in pixels; never changes a bit of the picture")
+      ->check(CLI::Range(1, 4096))
+      ->capture_default_str();
+  command->add_flag("--resume", options->resume, "Go on with the samples of an existing output");
+  command->add_flag("--allow-outside-files", options->outside_files, "Let the scene read files outside its own folder");
+  command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
+  command->footer(
+      "Examples:\n"
+      "  woodcock render scenes/cloud.pbrt -o cloud.exr --spp 64\n"
+      "  woodcock render scenes/cloud.pbrt -o cloud.exr --spp 256 --resume     only the other 192\n"
+      "Ctrl-C leaves a valid picture of the samples that are finished (exit code 3).");
+  command->callback([options, &code] { code = run(*options); });
+}
+
+}  // namespace woodcock

@@ -1,0 +1,23 @@
+// Which physical and optical effects a scene calls for, judged by use and not by declaration.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "renderer/scene/description.h"
+#include "renderer/world/world.h"
+
+namespace woodcock {
+
+struct EffectEntry {
+  std::string effect;
+  bool needed = false;
+  std::string reason;    ///< one sentence
+  SourceLocation where;  ///< of the first thing that calls for it; line 0 where nothing does
+};
+
+/// The effects in a fixed order. A medium counts only where a boundary that is placed in the scene, or the camera,
+/// leads into it, and only what it really does: an emission of zero or a scattering of zero is none.
+std::vector<EffectEntry> plan_effects(const SceneDescription& scene, const World& world);
+
+}  // namespace woodcock

@@ -1,0 +1,218 @@
+#include "renderer/geometry/geometry.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+
+#include "renderer/core/random.h"
+#include "renderer/core/warp.h"
+#include "renderer/geometry/patch.h"
+
+namespace woodcock {
+namespace {
+
+Quadric sphere_at(DVec3 center, double radius) {
+  Quadric q;
+  q.radius = radius;
+  q.z_min = -radius;
+  q.z_max = radius;
+  q.render_from_object = DMat4(1);
+  q.render_from_object[3] = glm::dvec4(center, 1);
+  q.object_from_render = glm::inverse(q.render_from_object);
+  return q;
+}
+
+/// A square in the plane z = 0 of half extent `e`, cut into n × n cells of two triangles.
+Mesh plane(float e, int n) {
+  Mesh mesh;
+  for (int y = 0; y <= n; ++y) {
+    for (int x = 0; x <= n; ++x) {
+      mesh.positions.push_back(
+          {-e + 2 * e * static_cast<float>(x) / static_cast<float>(n), -e + 2 * e * static_cast<float>(y) / static_cast<float>(n), 0});
+    }
+  }
+  for (int y = 0; y < n; ++y) {
+    for (int x = 0; x < n; ++x) {
+      const auto a = static_cast<uint32_t>(y * (n + 1) + x), b = a + 1, c = a + static_cast<uint32_t>(n) + 1, d = c + 1;
+      mesh.triangles.push_back({a, b, d});
+      mesh.triangles.push_back({a, d, c});
+    }
+  }
+  return mesh;
+}
+
+Geometry only(Shape shape) {
+  std::vector<Shape> shapes;
+  shapes.push_back(std::move(shape));
+  return Geometry(std::move(shapes), 1, {}, {});
+}
+
+TEST(Geometry, SphereHitMatchesTheClosedFormFromFarAway) {
+  // N30: b² − 4ac would lose every digit here.
+  for (const double distance : {10.0, 1e3, 1e5}) {
+    const Geometry g = only({sphere_at({0, 0, 0}, 1e-3), false});
+    const Ray ray{Vec3(0, 0, static_cast<float>(-distance)), Vec3(0, 0, 1)};
+    const auto hit = g.intersect(ray, kInf);
+    ASSERT_TRUE(hit) << distance;
+    EXPECT_NEAR(hit->t, distance - 1e-3, 1e-9 * distance);
+    const SurfacePoint s = g.surface(*hit, ray);
+    EXPECT_NEAR(s.p.z, -1e-3f, 1e-9f);
+    EXPECT_NEAR(s.ng.z, -1, 1e-6f);
+  }
+}
+
+TEST(Geometry, ARayFromASphereNeverMeetsTheSideItLeft) {
+  const Geometry g = only({sphere_at({3, -2, 5}, 0.7), false});
+  Stream random(1);
+  for (int i = 0; i < 20000; ++i) {
+    const Vec3 target = Vec3(3, -2, 5) + 0.6f * square_to_sphere(random.uniform2());
+    const Vec3 origin = Vec3(3, -2, 5) + 4.0f * square_to_sphere(random.uniform2());
+    const Ray ray{origin, glm::normalize(target - origin)};
+    const auto hit = g.intersect(ray, kInf);
+    ASSERT_TRUE(hit);
+    const SurfacePoint s = g.surface(*hit, ray);
+    Vec3 out = square_to_sphere(random.uniform2());
+    if (glm::dot(out, s.ng) < 0) out = -out;
+    EXPECT_FALSE(g.intersect({offset_origin(s, out), out}, kInf)) << i;
+    const auto through = g.intersect({offset_origin(s, -out), -out}, kInf);
+    ASSERT_TRUE(through) << i;
+    // A chord's length changes by the rounding of its start and offset of its start (about 2e-6) over the cosine.
+    const double cosine = glm::dot(DVec3(out), DVec3(s.ng));
+    EXPECT_NEAR(through->t, 1.4 * cosine, 3e-6 / std::max(cosine, 1e-3));
+  }
+}
+
+TEST(Geometry, ThePlaneOfAHugeTriangleIsNotMetAgain) {
+  // N63: the bound must not grow with the triangle, however the plane is cut.
+  for (const int cuts : {1, 7, 64}) {
+    const Geometry g = only({plane(1e4f, cuts), false});
+    Stream random(2);
+    for (int i = 0; i < 20000; ++i) {
+      const Vec3 from(random.uniform2() * 2.0f - 1.0f, 0.3f + random.uniform());
+      const Vec3 down = glm::normalize(Vec3(random.uniform2() * 2.0f - 1.0f, -0.2f));
+      const Ray ray{from, down};
+      const auto hit = g.intersect(ray, kInf);
+      ASSERT_TRUE(hit);
+      const SurfacePoint s = g.surface(*hit, ray);
+      EXPECT_LT(std::abs(s.p.z), 1e-9f);
+      const Vec3 grazing = glm::normalize(Vec3(random.uniform2() * 2.0f - 1.0f, 1e-4f));
+      const Vec3 origin = offset_origin(s, grazing);
+      EXPECT_FALSE(g.intersect({origin, grazing}, kInf)) << cuts << " " << i;
+      EXPECT_FALSE(g.occluded({origin, grazing}, 1e3, {})) << cuts << " " << i;
+    }
+  }
+}
+
+TEST(Geometry, OccludedAgreesWithIntersect) {
+  std::vector<Shape> shapes;
+  shapes.push_back({plane(2, 5), false});
+  shapes.push_back({sphere_at({0.5, 0, 1}, 0.5), false});
+  PatchMesh patch;
+  patch.positions = {{-1, -1, 0.5f}, {0, -1, 0.9f}, {-1, 0.5f, 0.2f}, {0, 0, 1.5f}};
+  patch.patches = {{0, 1, 2, 3}};
+  shapes.push_back({patch, false});
+  const Geometry g(std::move(shapes), 3, {}, {});
+  Stream random(3);
+  int hits = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const Vec3 a = (Vec3(random.uniform2(), random.uniform()) - 0.5f) * 5.0f, b = (Vec3(random.uniform2(), random.uniform()) - 0.5f) * 5.0f;
+    const float distance = glm::length(b - a);
+    const Ray ray{a, (b - a) / distance};
+    const bool met = g.intersect(ray, distance).has_value();
+    hits += met;
+    EXPECT_EQ(met, g.occluded(ray, distance, {})) << i;
+  }
+  EXPECT_GT(hits, 2000);
+}
+
+TEST(Geometry, AShadowRaySeesItsTargetButNotWhatIsInFrontOfIt) {
+  std::vector<Shape> shapes;
+  shapes.push_back({plane(2, 1), false});
+  const Geometry g(std::move(shapes), 1, {}, {});
+  const Ray up{Vec3(0.1f, 0.2f, -1), Vec3(0, 0, 1)};
+  const auto hit = g.intersect(up, kInf);
+  ASSERT_TRUE(hit);
+  EXPECT_TRUE(g.occluded(up, 1.0005, {}));
+  EXPECT_FALSE(g.occluded(up, 1.0005, {0, hit->primitive}));
+  EXPECT_TRUE(g.occluded(up, 2.0, {0, hit->primitive})) << "far before the end of the way the target is an obstacle";
+}
+
+TEST(Geometry, InstancesAreWhereTheirTransformPutsThem) {
+  std::vector<Shape> shapes;
+  shapes.push_back({plane(1, 3), false});
+  shapes.push_back({sphere_at({0, 0, 0}, 0.5), false});
+  DMat4 m(1);
+  m[0] = {0, 2, 0, 0};
+  m[1] = {-3, 0, 0, 0};
+  m[2] = {0, 0, 0.5, 0};
+  m[3] = {10, 20, 30, 1};
+  const Geometry g(std::move(shapes), 0, {{0, 2}}, {{0, m}});
+  Stream random(4);
+  int spheres = 0;
+  for (int i = 0; i < 5000; ++i) {
+    const Vec3 origin = Vec3(10, 20, 30) + 9.0f * square_to_sphere(random.uniform2());
+    const Vec3 target = Vec3(10, 20, 30) + (Vec3(random.uniform2(), 0) - 0.5f) * Vec3(4, 3, 0);
+    const Ray ray{origin, glm::normalize(target - origin)};
+    const auto hit = g.intersect(ray, kInf);
+    if (!hit) continue;
+    const SurfacePoint s = g.surface(*hit, ray);
+    const DVec3 local = DVec3(glm::inverse(m) * glm::dvec4(DVec3(s.p), 1));
+    if (hit->shape == 1) {
+      ++spheres;
+      EXPECT_NEAR(glm::length(local), 0.5, 1e-5);
+    } else {
+      EXPECT_NEAR(local.z, 0, 1e-5);
+    }
+    EXPECT_NEAR(length_squared(s.ng), 1, 1e-5f);
+  }
+  EXPECT_GT(spheres, 100);
+}
+
+TEST(Geometry, APatchIsMetWhereItsParametersSay) {
+  const std::array<DVec3, 4> p{DVec3{0, 0, 0}, DVec3{1, 0, 0.3}, DVec3{0, 1, -0.2}, DVec3{1.2, 1.1, 0.8}};
+  Stream random(5);
+  for (int i = 0; i < 5000; ++i) {
+    const double u = random.uniform_double(), v = random.uniform_double();
+    const DVec3 at = (1 - v) * ((1 - u) * p[0] + u * p[1]) + v * ((1 - u) * p[2] + u * p[3]);
+    const DVec3 d = glm::normalize(DVec3(random.uniform_double() - 0.5, random.uniform_double() - 0.5, -1));
+    const auto hit = intersect_patch(p, at - 3.0 * d, d, 0, 10);
+    ASSERT_TRUE(hit) << i;
+    const DVec3 found = at - 3.0 * d + hit->t * d;
+    const DVec3 expected =
+        (1 - hit->uv.y) * ((1 - hit->uv.x) * p[0] + hit->uv.x * p[1]) + hit->uv.y * ((1 - hit->uv.x) * p[2] + hit->uv.x * p[3]);
+    EXPECT_LT(glm::length(found - expected), 1e-9);
+  }
+}
+
+TEST(Geometry, AnEmptySceneIsMissed) {
+  const Geometry g({}, 0, {}, {});
+  EXPECT_FALSE(g.intersect({Vec3(0), Vec3(0, 0, 1)}, kInf));
+  EXPECT_FALSE(g.occluded({Vec3(0), Vec3(0, 0, 1)}, kInf, {}));
+  EXPECT_TRUE(g.bounds().empty());
+}
+
+/// Hits of rays aimed at vertices and edges of a mesh of a million triangles.
+std::vector<std::pair<uint32_t, double>> tie_hits(int threads) {
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
+  Mesh mesh = plane(1, 720);
+  for (Vec3& p : mesh.positions) p.z = 0.05f * std::sin(9 * p.x) * std::cos(7 * p.y);
+  EXPECT_GE(mesh.triangles.size(), 1000000u);
+  const std::vector<Vec3> vertices = mesh.positions;
+  const Geometry g = only({std::move(mesh), false});
+  std::vector<std::pair<uint32_t, double>> hits;
+  Stream random(6);
+  for (int i = 0; i < 200000; ++i) {
+    const Vec3 a = vertices[random.next_u32() % vertices.size()], b = vertices[random.next_u32() % vertices.size()];
+    const Vec3 target = (i & 1) != 0 ? a : (i & 2) != 0 ? a + Vec3(1.0f / 720, 0, 0) : 0.5f * (a + b);
+    const Vec3 origin(random.uniform2() * 4.0f - 2.0f, 1 + random.uniform());
+    const auto hit = g.intersect({origin, glm::normalize(target - origin)}, kInf);
+    hits.emplace_back(hit ? hit->primitive : 0xffffffffu, hit ? hit->t : -1.0);
+  }
+  return hits;
+}
+
+TEST(Geometry, ABvhOfAMillionTrianglesGivesTheSameHitsBuiltWithOneAndTwoThreads) { EXPECT_EQ(tie_hits(1), tie_hits(2)); }
+
+}  // namespace
+}  // namespace woodcock
