@@ -1,5 +1,6 @@
 #include "renderer/geometry/patch.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace woodcock {
@@ -20,6 +21,11 @@ std::optional<PrimitiveHit> intersect_patch(const std::array<DVec3, 4>& p, DVec3
     roots[0] = q / a;
     if (q != 0) roots[1] = c / q;
   }
+  // A ray that starts on the patch meets it again at a t that is zero but for the rounding of u: a few units in
+  // the last place of the patch as seen from the origin. Nothing in float coordinates lies that close on purpose.
+  double extent = 0;
+  for (const DVec3& corner : p) extent = std::max(extent, glm::dot(corner - o, corner - o));
+  const double rounding = 0x1p-46 * std::sqrt(extent / glm::dot(d, d));
   std::optional<PrimitiveHit> nearest;
   for (const double u : roots) {
     if (!(u >= 0 && u <= 1)) continue;
@@ -31,7 +37,8 @@ std::optional<PrimitiveHit> intersect_patch(const std::array<DVec3, 4>& p, DVec3
     if (length2 == 0) continue;
     const double v = glm::dot(glm::cross(to_start, d), perpendicular) / length2;
     const double t = glm::dot(glm::cross(to_start, along), perpendicular) / length2;
-    if (v >= 0 && v <= 1 && t > t_min && t < t_max && (!nearest || t < nearest->t)) nearest = PrimitiveHit{t, {u, v}};
+    if (v >= 0 && v <= 1 && t > t_min && std::abs(t) > rounding && t < t_max && (!nearest || t < nearest->t))
+      nearest = PrimitiveHit{t, {u, v}};
   }
   return nearest;
 }

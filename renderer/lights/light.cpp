@@ -25,7 +25,7 @@ std::vector<double> choice_weights(const std::vector<Rgb>& powers) {
   std::vector<double> weights;
   for (const Rgb& power : powers) {
     const double p = static_cast<double>(average(power));
-    weights.push_back(!(total > 0) ? 1.0 : p > 0 ? (1 - kUniformShare) * p / total + kUniformShare / shining : 0.0);
+    weights.push_back(!(total > 0 && std::isfinite(total)) ? 1.0 : p > 0 ? (1 - kUniformShare) * p / total + kUniformShare / shining : 0.0);
   }
   return weights;
 }

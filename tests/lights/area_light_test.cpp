@@ -127,9 +127,8 @@ std::vector<EmitterHit> all_hits(const Geometry& geometry, Vec3 ref, Vec3 direct
   Ray ray{ref, direction};
   while (const auto hit = geometry.intersect(ray, static_cast<double>(kInf))) {
     const SurfacePoint at = geometry.surface(*hit, ray);
-    // A ray that goes on may meet the patch it comes from again, by the rounding of the patch's plane.
-    if (hits.empty() || glm::distance(hits.back().p, at.p) > 1e-5f) hits.push_back({at.p, at.ng, at.uv, hit->primitive});
-    ray.o = at.p + 2e-6f * (glm::length(at.p) + glm::distance(at.p, ref)) * direction;
+    hits.push_back({at.p, at.ng, at.uv, hit->primitive});
+    ray.o = offset_origin(at, direction);
   }
   return hits;
 }

@@ -1,0 +1,171 @@
+#include "renderer/accuracy/error.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+
+#include "renderer/accuracy/student.h"
+
+namespace woodcock {
+
+namespace {
+
+constexpr double kConfidence = 0.95;
+/// Two-sided 95 % of the normal distribution.
+constexpr double kNormal95 = 1.959963984540054;
+
+/// Hands the picture over in pieces, in the order of its pixels; called twice.
+using VisitPixels = std::function<void(const std::function<void(std::span<const PixelStats>)>&)>;
+
+/// The mean of the replicates that hold samples, weighted by them.
+double mean_luminance(const std::array<double, kReplicates>& replicate, const FoldWeights& weights) {
+  double sum = 0;
+  for (size_t k = 0; k < kReplicates; ++k) sum += weights.of_replicate[k] * replicate[k];
+  return sum / weights.samples;
+}
+
+std::array<double, kReplicates> replicates_of(const PixelStats& pixel) {
+  std::array<double, kReplicates> values;
+  std::copy(pixel.replicate.begin(), pixel.replicate.end(), values.begin());
+  return values;
+}
+
+double variance_between(const std::array<double, kReplicates>& replicate, const FoldWeights& weights) {
+  const double mean = mean_luminance(replicate, weights);
+  double sum = 0;
+  for (size_t k = 0; k < kReplicates; ++k) sum += weights.of_replicate[k] * (replicate[k] - mean) * (replicate[k] - mean);
+  return sum / ((kReplicates - 1) * weights.samples);
+}
+
+bool all_replicates_have_samples(const FoldWeights& weights) {
+  return std::all_of(weights.of_replicate.begin(), weights.of_replicate.end(), [](double n) { return n > 0; });
+}
+
+/// The error of every pixel against `image_mean`.
+void estimate_pixels(const VisitPixels& visit, const FoldWeights& weights, ErrorEstimate& error) {
+  const double floor = 0.01 * error.image_mean, pixels = static_cast<double>(error.pixels);
+  double variance = 0, relative = 0, relative_squares = 0;
+  visit([&](std::span<const PixelStats> piece) {
+    for (const PixelStats& pixel : piece) {
+      if (pixel.missing()) continue;
+      const double v = variance_of_mean(pixel, weights), mean = mean_luminance(replicates_of(pixel), weights);
+      const double scale = mean * mean + floor * floor;
+      // A black pixel of a black image has no error.
+      const double term = scale > 0 ? v / scale : 0;
+      variance += v;
+      relative += term;
+      relative_squares += term * term;
+    }
+  });
+  const double mse = relative / pixels;
+  error.relative_mse = mse;
+  error.standard_error = std::sqrt(variance / pixels);
+  Estimate e{std::sqrt(mse), 0};
+  if (error.pixels > 1 && mse > 0) {
+    const double scatter = std::max(0.0, relative_squares / pixels - mse * mse) / (pixels - 1);
+    e.half_width = kNormal95 * std::sqrt(scatter) / (2 * e.value);  // dE = d(E²)/(2E)
+  }
+  error.relative_error = e;
+}
+
+ErrorEstimate estimate(const VisitPixels& visit, SampleRange range) {
+  const FoldWeights weights(range);
+  ErrorEstimate error;
+  error.samples = range.size();
+  std::array<double, kReplicates> replicate{};
+  int64_t fireflies = 0;
+  visit([&](std::span<const PixelStats> piece) {
+    for (const PixelStats& pixel : piece) {
+      if (pixel.missing()) {
+        ++error.missing_pixels;
+        continue;
+      }
+      ++error.pixels;
+      for (size_t k = 0; k < kReplicates; ++k) replicate[k] += static_cast<double>(pixel.replicate[k]);
+      const double total = std::abs(mean_luminance(replicates_of(pixel), weights)) * weights.samples;
+      if (static_cast<double>(pixel.largest) > 0.1 * total) ++fireflies;
+    }
+  });
+  if (error.pixels == 0) return error;
+  for (double& r : replicate) r /= static_cast<double>(error.pixels);
+  error.image_mean = mean_luminance(replicate, weights);
+  if (error.samples >= kFireflySamples) error.firefly_share = static_cast<double>(fireflies) / static_cast<double>(error.pixels);
+  if (!all_replicates_have_samples(weights)) return error;
+  error.image_mean_half_width = student_quantile(0.5 + kConfidence / 2, kReplicates - 1) * std::sqrt(variance_between(replicate, weights));
+  estimate_pixels(visit, weights, error);
+  return error;
+}
+
+}  // namespace
+
+double variance_of_mean(const PixelStats& pixel, const FoldWeights& weights) { return variance_between(replicates_of(pixel), weights); }
+
+int64_t samples_for(int64_t samples, double error_factor) {
+  const double wanted = std::ceil(static_cast<double>(samples) / (error_factor * error_factor));
+  return wanted < static_cast<double>(kMaxSamples) ? static_cast<int64_t>(wanted) : kMaxSamples;
+}
+
+ErrorEstimate estimate_error(std::span<const PixelStats> picture, SampleRange range) {
+  return estimate([&](const auto& use) { use(picture); }, range);
+}
+
+ErrorEstimate estimate_error(const std::filesystem::path& exr) {
+  ExrReader reader(exr);
+  const PixelRect rect = reader.info().rect;
+  constexpr int kRows = 64;
+  return estimate(
+      [&](const auto& use) {
+        for (int y = rect.y0; y < rect.y1; y += kRows) use(reader.beauty_rows(y, std::min(rect.y1, y + kRows)));
+      },
+      reader.info().samples);
+}
+
+std::string format_error(const ErrorEstimate& error) {
+  std::string text = fmt::format("{} samples per pixel, {} pixels", error.samples, error.pixels);
+  if (error.missing_pixels > 0) text += fmt::format("; {} pixels miss samples and are left out", error.missing_pixels);
+  text += '\n';
+  if (error.pixels == 0) return text;
+  if (!error.relative_error) {
+    text += fmt::format(
+        "image mean {:.6g}\nnot enough samples for an interval: the error is estimated between {} replicates, each needs a sample\n",
+        error.image_mean, kReplicates);
+    return text;
+  }
+  text += fmt::format("image mean {:.6g} ± {:.2g} (95 %, Student's t between {} replicates)\n", error.image_mean,
+                      *error.image_mean_half_width, kReplicates);
+  text +=
+      fmt::format("relative error {:.3g} % ± {:.2g} % (95 %); relative MSE {:.3g}; standard error {:.3g}\n",
+                  100 * error.relative_error->value, 100 * error.relative_error->half_width, *error.relative_mse, *error.standard_error);
+  text += fmt::format("half the error costs 4 times the samples ({}), a quarter 16 times ({}), a tenth 100 times ({})\n",
+                      samples_for(error.samples, 0.5), samples_for(error.samples, 0.25), samples_for(error.samples, 0.1));
+  if (error.firefly_share)
+    text += fmt::format("{:.3g} % of the pixels owe more than a tenth of their value to one sample\n", 100 * *error.firefly_share);
+  return text;
+}
+
+std::vector<std::pair<std::string, double>> error_fields(const ErrorEstimate& error) {
+  std::vector<std::pair<std::string, double>> fields = {{"samples", static_cast<double>(error.samples)},
+                                                        {"pixels", static_cast<double>(error.pixels)},
+                                                        {"missing_pixels", static_cast<double>(error.missing_pixels)},
+                                                        {"image_mean", error.image_mean}};
+  const auto add = [&](const char* name, std::optional<double> value) {
+    if (value) fields.emplace_back(name, *value);
+  };
+  add("image_mean_half_width", error.image_mean_half_width);
+  if (error.relative_error) {
+    add("relative_error", error.relative_error->value);
+    add("relative_error_half_width", error.relative_error->half_width);
+    add("samples_for_half_error", static_cast<double>(samples_for(error.samples, 0.5)));
+    add("samples_for_quarter_error", static_cast<double>(samples_for(error.samples, 0.25)));
+    add("samples_for_tenth_error", static_cast<double>(samples_for(error.samples, 0.1)));
+  }
+  add("relative_mse", error.relative_mse);
+  add("standard_error", error.standard_error);
+  add("firefly_share", error.firefly_share);
+  return fields;
+}
+
+}  // namespace woodcock

@@ -1,0 +1,67 @@
+// The error a frame has reached, from its own statistics.
+//
+// Errors are estimated *between* the 8 replicates, not from the scatter of single samples: with low-discrepancy numbers
+// the samples of a replicate depend on each other, the replicates do not. All quantities are of Rec. 709 luminance.
+// The sums use + − × ÷ and √ in double, in the order of the pixels, so that every program gets the same result.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "renderer/film/dyadic.h"
+#include "renderer/film/exr.h"
+#include "renderer/film/node.h"
+
+namespace woodcock {
+
+/// A value with the half width of its 95 % confidence interval.
+struct Estimate {
+  double value = 0;
+  double half_width = 0;
+};
+
+/// What is known about the error of a frame. Values that its samples do not support are absent.
+struct ErrorEstimate {
+  int64_t samples = 0;  ///< per pixel
+  int64_t pixels = 0;   ///< with all their samples; the others are left out of every mean
+  int64_t missing_pixels = 0;
+  double image_mean = 0;  ///< mean over the pixels
+  /// Half width of the 95 % interval of `image_mean`, by Student's t with 7 degrees of freedom between the replicates.
+  std::optional<double> image_mean_half_width;
+  /// E = sqrt(mean over pixels of Var(x̄)/(x̄² + (0.01·image mean)²)), and a 95 % interval from the scatter of the pixels
+  /// (wide of the truth rather than narrow: differences between parts of the image count as scatter).
+  std::optional<Estimate> relative_error;
+  std::optional<double> relative_mse;    ///< E²
+  std::optional<double> standard_error;  ///< sqrt(mean over pixels of Var(x̄)), in units of radiance
+  /// Share of the pixels that owe more than a tenth of their value to one sample; absent below kFireflySamples.
+  std::optional<double> firefly_share;
+};
+
+/// Below this the largest of ordinary samples is a tenth of the whole anyway.
+inline constexpr int64_t kFireflySamples = 64;
+
+/// Var(x̄) of one pixel's luminance: Σ n_k (r_k − x̄)² / ((K − 1)·n) over the K = 8 replicates with n_k samples of
+/// mean r_k; unbiased for independent replicates. `weights` as for the pixel's range, with a sample of every replicate.
+double variance_of_mean(const PixelStats& pixel, const FoldWeights& weights);
+
+/// Samples per pixel that reach `error_factor` (½, ¼, …) of the present error: error² falls as 1/samples.
+int64_t samples_for(int64_t samples, double error_factor);
+
+/// The error of a picture whose pixels hold the samples of `range`.
+ErrorEstimate estimate_error(std::span<const PixelStats> picture, SampleRange range);
+
+/// The error of a node file, read by rows (twice). Throws FilmError.
+ErrorEstimate estimate_error(const std::filesystem::path& exr);
+
+/// A few lines of plain text, each ending in a newline.
+std::string format_error(const ErrorEstimate& error);
+
+/// The same as numbers with names, absent ones left out, for JSON and tables.
+std::vector<std::pair<std::string, double>> error_fields(const ErrorEstimate& error);
+
+}  // namespace woodcock

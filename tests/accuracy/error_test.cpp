@@ -1,0 +1,110 @@
+#include "renderer/accuracy/error.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/film/random_tiles.h"
+
+namespace woodcock {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// Pixels whose samples are exponentially distributed with mean `level`: their standard deviation is `level` too.
+std::vector<PixelStats> noisy_picture(size_t pixels, SampleRange range, float level, Stream& random) {
+  const auto ranges = dyadic_nodes(range);
+  std::vector<PixelStats> picture;
+  for (size_t p = 0; p < pixels; ++p) {
+    std::vector<PixelStats> nodes;
+    for (const SampleRange r : ranges) {
+      PixelAccumulator pixel(r);
+      while (!pixel.complete()) pixel.push(leaf(Rgb(level * random.exponential()), {}, pixel.next_index()));
+      nodes.push_back(pixel.result());
+    }
+    picture.push_back(fold(ranges, nodes));
+  }
+  return picture;
+}
+
+TEST(Error, FindsTheErrorThatIsKnown) {
+  // E² = Var/(n·level²·1.0001), up to the scatter of x̄ in the denominator, which is of relative size 3/n.
+  Stream random(1);
+  for (const SampleRange range : {SampleRange{0, 1024}, SampleRange{0, 1000}, SampleRange{5, 1005}}) {
+    const auto error = estimate_error(noisy_picture(400, range, 3, random), range);
+    const double expected = 1 / std::sqrt(static_cast<double>(range.size()));
+    ASSERT_TRUE(error.relative_error.has_value());
+    // 400 pixels with 7 degrees of freedom know E to 1/sqrt(2·7·400) = 1.3 %; six of these: a false alarm in 5e8.
+    EXPECT_NEAR(error.relative_error->value, expected, 0.08 * expected);
+    EXPECT_NEAR(*error.standard_error, 3 * expected, 0.08 * 3 * expected);
+    EXPECT_DOUBLE_EQ(*error.relative_mse, error.relative_error->value * error.relative_error->value);
+    EXPECT_GT(error.relative_error->half_width, 0);
+    EXPECT_LT(error.relative_error->half_width, 0.1 * expected);
+  }
+}
+
+TEST(Error, NinetyFivePercentIntervalsOfTheImageMeanHoldTheTruthNinetyFiveTimesInAHundred) {
+  // Of 2000 intervals 1900 hold the truth on average, with a deviation of 9.7; five of them: a false alarm in 2e6 (fixed
+  // seed). Means of 16 pixels × 64 samples are near enough to normal.
+  Stream random(2);
+  int hits = 0;
+  for (int trial = 0; trial < 2000; ++trial) {
+    const auto error = estimate_error(noisy_picture(16, {0, 64}, 0.5f, random), {0, 64});
+    hits += std::abs(error.image_mean - 0.5) <= *error.image_mean_half_width;
+  }
+  EXPECT_NEAR(hits, 1900, 49);
+}
+
+TEST(Error, SaysHonestlyWhenThereAreTooFewSamples) {
+  Stream random(3);
+  const auto error = estimate_error(noisy_picture(10, {0, 7}, 1, random), {0, 7});
+  EXPECT_FALSE(error.relative_error || error.image_mean_half_width || error.firefly_share);
+  EXPECT_GT(error.image_mean, 0);
+  EXPECT_THAT(format_error(error), HasSubstr("not enough samples for an interval"));
+  EXPECT_TRUE(estimate_error(noisy_picture(10, {0, 8}, 1, random), {0, 8}).relative_error.has_value());
+}
+
+TEST(Error, AConstantOrBlackPictureHasNone) {
+  for (const float level : {0.0f, 0.1f}) {
+    std::vector<PixelStats> picture;
+    PixelAccumulator pixel({0, 64});
+    while (!pixel.complete()) pixel.push(leaf(Rgb(level), {}, pixel.next_index()));
+    picture.assign(5, pixel.result());
+    const auto error = estimate_error(picture, {0, 64});
+    EXPECT_NEAR(error.relative_error->value, 0, 1e-15);
+    EXPECT_NEAR(*error.image_mean_half_width, 0, 1e-15);
+    EXPECT_EQ(*error.firefly_share, 0);
+  }
+}
+
+TEST(Error, CountsFirefliesAndLeavesMissingPixelsOut) {
+  Stream random(4);
+  auto picture = noisy_picture(20, {0, 256}, 1, random);
+  PixelAccumulator pixel({0, 256});
+  while (!pixel.complete()) pixel.push(leaf(Rgb(pixel.next_index() == 77 ? 1e6f : 1), {}, pixel.next_index()));
+  picture.push_back(pixel.result());
+  picture.push_back({});
+  const auto error = estimate_error(picture, {0, 256});
+  EXPECT_DOUBLE_EQ(*error.firefly_share, 1.0 / 21);
+  EXPECT_EQ(error.pixels, 21);
+  EXPECT_EQ(error.missing_pixels, 1);
+  EXPECT_THAT(format_error(error), HasSubstr("1 pixels miss samples"));
+}
+
+TEST(Error, PredictsTheSamplesForLessErrorFromSlopeMinusOneInMse) {
+  EXPECT_EQ(samples_for(64, 0.5), 256);
+  EXPECT_EQ(samples_for(64, 0.25), 1024);
+  EXPECT_EQ(samples_for(64, 0.1), 6400);
+  EXPECT_EQ(samples_for(kMaxSamples / 2, 0.1), kMaxSamples);
+}
+
+TEST(Error, OfAFileIsThatOfItsPicture) {
+  testing::TemporaryFolder folder;
+  const auto nodes = testing::render_nodes({0, 0, 9, 140}, {0, 16});
+  write_exr(folder / "frame.exr", testing::some_header(9, 140), nodes);
+  const auto a = error_fields(estimate_error(folder / "frame.exr")), b = error_fields(estimate_error(nodes[0].pixels, {0, 16}));
+  EXPECT_EQ(a, b);
+  EXPECT_GE(a.size(), 11u);
+}
+
+}  // namespace
+}  // namespace woodcock
