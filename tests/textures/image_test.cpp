@@ -77,8 +77,8 @@ TEST_F(ImageFiles, DamagedOrStrangeFilesAreRefusedWithTheirPlace) {
   const std::string nan = write("nan.exr", 1, 1, 3, OIIO::TypeDesc::FLOAT, {1, std::numeric_limits<float>::quiet_NaN(), 1});
   const std::string text = (folder_ / "text.png").string();
   std::ofstream(text) << "this is not a picture";
-  const std::string whole = write("whole.png", 64, 64, 3, OIIO::TypeDesc::UINT8, std::vector<float>(64 * 64 * 3, 0.3f));
-  const std::string truncated = (folder_ / "truncated.png").string();
+  const std::string whole = write("whole.exr", 64, 64, 3, OIIO::TypeDesc::HALF, std::vector<float>(64 * 64 * 3, 0.3f));
+  const std::string truncated = (folder_ / "truncated.exr").string();
   fs::copy_file(whole, truncated);
   fs::resize_file(truncated, fs::file_size(whole) / 2);
   const std::string huge = write("huge.exr", 20000, 1, 1, OIIO::TypeDesc::HALF, std::vector<float>(20000, 0));
