@@ -49,11 +49,15 @@ void write_exr(const std::filesystem::path& path, const FrameHeader& header, std
 /// The same bytes in memory.
 std::string encode_exr(const FrameHeader& header, std::span<const Tile> nodes);
 
+/// Pixels × nodes that are read into memory at once: 6 GB of statistics.
+inline constexpr int64_t kMaxPixelsInMemory = int64_t{1} << 26;
+
 /// Reads a whole node file. It need not be trusted: sizes, parts, channels, attributes and every number are
-/// checked. Throws FilmError naming the file and what is wrong with it.
-NodeFile read_exr(const std::filesystem::path& path);
+/// checked, the headers before anything is allocated for them. Throws FilmError naming the file and what is wrong with
+/// it, also where it holds more than `max_pixels` pixels × nodes: a caller that knows its tile's size passes that.
+NodeFile read_exr(const std::filesystem::path& path, int64_t max_pixels = kMaxPixelsInMemory);
 /// The same from memory; `name` is for messages.
-NodeFile decode_exr(std::string_view bytes, std::string_view name);
+NodeFile decode_exr(std::string_view bytes, std::string_view name, int64_t max_pixels = kMaxPixelsInMemory);
 
 /// Reads a node file by rows.
 class ExrReader {

@@ -3,8 +3,10 @@
 
 #include <cmath>
 #include <cstring>
+#include <fstream>
 
 #include "renderer/film/exr.h"
+#include "renderer/film/exr_guard.h"
 #include "renderer/film/exr_layout.h"
 
 namespace woodcock {
@@ -19,6 +21,24 @@ struct ExrReader::Impl {
   int part = -1;
 
   [[noreturn]] void refuse(std::string_view reason) const { throw FilmError(name, reason); }
+
+  /// Checks the headers before OpenImageIO allocates what they ask for.
+  void guard_file(const std::filesystem::path& path) const {
+    std::error_code error;
+    const uint64_t size = std::filesystem::file_size(path, error);
+    std::ifstream in(path, std::ios::binary);
+    if (error || !in) refuse("cannot be opened");
+    std::string beginning;
+    for (size_t length = size_t{64} << 10;; length = exr::kMaxHeaderBytes) {
+      beginning.resize(static_cast<size_t>(std::min<uint64_t>(length, size)));
+      in.clear();
+      in.seekg(0);
+      in.read(beginning.data(), static_cast<std::streamsize>(beginning.size()));
+      beginning.resize(static_cast<size_t>(in.gcount()));
+      if (exr::check_headers(beginning, size, name)) return;
+      if (length == exr::kMaxHeaderBytes) refuse("cannot be read");
+    }
+  }
 
   void open(const std::string& path) {
     // The reader is chosen here: the content, not the name's ending, decides whether it accepts the file.
@@ -108,11 +128,13 @@ struct ExrReader::Impl {
 ExrReader::ExrReader(const std::filesystem::path& path) : impl_(std::make_unique<Impl>()) {
   impl_->name = path.string();
   if (!std::filesystem::is_regular_file(path)) impl_->refuse("is not there or not a file");
+  impl_->guard_file(path);
   impl_->open(path.string());
 }
 
 ExrReader::ExrReader(std::string_view bytes, std::string_view name) : impl_(std::make_unique<Impl>()) {
   impl_->name = name;
+  if (!exr::check_headers(bytes, bytes.size(), name)) impl_->refuse("it ends inside its header");
   impl_->memory = std::make_unique<OIIO::Filesystem::IOMemReader>(const_cast<char*>(bytes.data()), bytes.size());
   impl_->open(impl_->name);
 }
@@ -134,10 +156,13 @@ std::vector<PixelStats> ExrReader::beauty_rows(int y0, int y1) {
 
 namespace {
 
-NodeFile read_all(ExrReader reader) {
+NodeFile read_all(ExrReader reader, int64_t max_pixels, const std::string& name) {
   NodeFile file;
   file.info = reader.info();
   const PixelRect rect = file.info.rect;
+  if (rect.area() * static_cast<int64_t>(file.info.nodes.size()) > max_pixels)
+    throw FilmError(
+        name, fmt::format("has {} nodes of {} pixels: more than the {} allowed here", file.info.nodes.size(), rect.area(), max_pixels));
   for (size_t i = 0; i < file.info.nodes.size(); ++i)
     file.nodes.push_back({rect, file.info.nodes[i], reader.node_rows(i, rect.y0, rect.y1)});
   return file;
@@ -145,7 +170,9 @@ NodeFile read_all(ExrReader reader) {
 
 }  // namespace
 
-NodeFile read_exr(const std::filesystem::path& path) { return read_all(ExrReader(path)); }
-NodeFile decode_exr(std::string_view bytes, std::string_view name) { return read_all(ExrReader(bytes, name)); }
+NodeFile read_exr(const std::filesystem::path& path, int64_t max_pixels) { return read_all(ExrReader(path), max_pixels, path.string()); }
+NodeFile decode_exr(std::string_view bytes, std::string_view name, int64_t max_pixels) {
+  return read_all(ExrReader(bytes, name), max_pixels, std::string(name));
+}
 
 }  // namespace woodcock

@@ -133,6 +133,39 @@ TEST(Exr, AFlippedBitIsRefusedOrLeavesValidNumbers) {
   EXPECT_GT(refused, 500);
 }
 
+/// `bytes` with the 32-bit number at `offset` behind the first `key` replaced.
+std::string patched(std::string bytes, std::string_view key, size_t offset, int32_t value) {
+  const size_t at = bytes.find(key) + key.size() + offset;
+  std::memcpy(bytes.data() + at, &value, sizeof value);
+  return bytes;
+}
+
+TEST(Exr, PromisesOfHugeSizesAreRefusedBeforeAnythingIsAllocated) {
+  const std::string bytes = encode_exr(some_header(32, 32), render_nodes({0, 0, 32, 32}, {0, 2}));
+  // A box is behind its name's zero, "box2i", another zero, and its size in 4 bytes.
+  const auto window = [&](int32_t x1, int32_t y1) { return patched(patched(bytes, "dataWindow", 11 + 8, x1), "dataWindow", 11 + 12, y1); };
+  const auto refused = [](const std::string& b, const char* why) {
+    EXPECT_THAT(message_of([&] { decode_exr(b, "huge.exr"); }), AllOf(HasSubstr("huge.exr"), HasSubstr(why)));
+  };
+  refused(window(2147483647, 2147483647), "outside");
+  refused(window(-5, 31), "outside");
+  refused(window(65535, 65535), "too large");
+  refused(window(16383, 16383), "too short");
+  refused(patched(bytes, "dataWindow", 7, 2000000000), "impossible size");
+  EXPECT_THAT(message_of([&] { decode_exr(bytes, "tile.exr", 32 * 31); }), HasSubstr("allowed"));
+  EXPECT_NO_THROW(decode_exr(bytes, "tile.exr", 32 * 32));
+}
+
+TEST(Exr, RandomBytesAreRefused) {
+  Stream random(2);
+  for (int trial = 0; trial < 500; ++trial) {
+    std::string bytes(random.next_u32() % 400, '\0');
+    for (char& c : bytes) c = static_cast<char>(random.next_u32());
+    if (bytes.size() > 8) std::memcpy(bytes.data(), "\x76\x2f\x31\x01\x02\0\0\0", 8);
+    EXPECT_THROW(decode_exr(bytes, "noise.exr"), FilmError);
+  }
+}
+
 TEST(ResultKey, DependsOnEveryFieldAndOnNothingElse) {
   const FrameHeader header = some_header(64, 64);
   const std::string key = result_key(header, {0, 0, 8, 8}, {0, 4});

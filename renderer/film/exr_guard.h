@@ -1,0 +1,18 @@
+// A look at an EXR file's headers before any library allocates what they ask for.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+namespace woodcock::exr {
+
+/// Longest headers of a file, all parts together.
+inline constexpr size_t kMaxHeaderBytes = size_t{16} << 20;
+
+/// Throws FilmError(name, …) unless `bytes` begin with the headers of a node file's kind: flat parts stored by rows,
+/// zip-compressed, float channels of full resolution, windows within the limits, only attributes of plain types, and no
+/// more pixels than `file_size` bytes of zip data can hold. `bytes` are the beginning of the file: if it is longer than
+/// that and the headers do not end inside, the answer is false and nothing is known yet.
+bool check_headers(std::string_view bytes, uint64_t file_size, std::string_view name);
+
+}  // namespace woodcock::exr
