@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <stdexcept>
 
+#include "renderer/scene/colorimetry.h"
 #include "renderer/scene/scene_error.h"
 
 namespace woodcock {
@@ -36,6 +38,10 @@ class Checks {
   float mean_cosine(float g) const {
     if (!(std::abs(g) < 1)) fail(fmt::format("g is {}; the mean cosine must lie between -1 and 1, both excluded", g));
     return g;
+  }
+  void finite(const DenseGrid<float>& grid, const char* name) const {
+    if (!std::all_of(grid.values.begin(), grid.values.end(), [](float v) { return std::isfinite(v); }))
+      fail(fmt::format("the {} grid holds a value that is not finite", name));
   }
   /// A copy of a grid in which negative values, which interpolation and filtering of simulations leave behind, are 0.
   template <typename T>
@@ -93,30 +99,38 @@ struct Medium::Builder {
     medium.emits_ = !is_black(medium.unit_.emission);
   }
 
-  FloatField field(const FloatVolume& volume, const char* name) {
-    if (const auto* dense = std::get_if<DenseGrid<float>>(&volume))
-      return DenseField<float>(checks.without_negatives(*dense, name), render_from_medium);
+  SparseField sparse_field(const SparseGrid& grid, const char* name, SparseField::Values values = SparseField::Values::kNotNegative) {
     try {
-      SparseField sparse(std::get<SparseGrid>(volume), render_from_medium);
-      if (sparse.non_finite_values() != 0)
-        checks.fail(fmt::format("the {} grid holds {} values that are not finite", name, sparse.non_finite_values()));
-      checks.note_negative(sparse.negative_values(), name);
-      return sparse;
+      SparseField field(grid, render_from_medium, values);
+      if (field.non_finite_values() != 0)
+        checks.fail(fmt::format("the {} grid holds {} values that are not finite", name, field.non_finite_values()));
+      checks.note_negative(field.negative_values(), name);
+      return field;
     } catch (const std::length_error& error) {
       checks.fail(fmt::format("the {} grid cannot be unpacked: {}", name, error.what()));
     }
+  }
+
+  BrickField<float> field(const FloatVolume& volume, const char* name) {
+    if (const auto* dense = std::get_if<DenseGrid<float>>(&volume)) return {checks.without_negatives(*dense, name), render_from_medium};
+    return sparse_field(std::get<SparseGrid>(volume), name);
   }
 
   void operator()(const GridMediumDescription& d) {
     medium.kind_ = Kind::kGrid;
     set_unit(d.sigma_a, d.sigma_s, d.g);
     checks.coefficient(d.emission, "Le");
-    medium.density_ = field(*d.density, "density");
-    if (auto* sparse = std::get_if<SparseField>(&medium.density_)) {
-      if (d.temperature) extend_to(*sparse, std::get<SparseGrid>(*d.density), *d.temperature);
-      bound(*sparse);
+    if (const auto* dense = std::get_if<DenseGrid<float>>(d.density.get())) {
+      const DenseGrid<float> grid = checks.without_negatives(*dense, "density");
+      BrickField<float> density(grid, render_from_medium);
+      bound(grid, density);
+      medium.density_ = std::move(density);
     } else {
-      bound(std::get<DenseField<float>>(medium.density_));
+      const auto& grid = std::get<SparseGrid>(*d.density);
+      SparseField density = sparse_field(grid, "density");
+      if (d.temperature) extend_to(density, grid, *d.temperature);
+      bound(density);
+      medium.density_ = BrickField<float>(std::move(density));
     }
     medium.scatters_ = medium.attenuates() && !is_black(medium.unit_.sigma_s);
     set_emission(d);
@@ -143,17 +157,44 @@ struct Medium::Builder {
     e.radiance = d.emission;
     e.scale = d.emission_scale;
     if (!(e.scale >= 0) || !std::isfinite(e.scale)) checks.fail(fmt::format("Lescale is {}; it must be finite and not negative", e.scale));
-    if (!medium.attenuates() || is_black(medium.unit_.sigma_a) || e.scale == 0) return;
-    if (d.temperature)
-      checks.fail("temperature grids are not supported");
-    else
-      medium.emits_ = !is_black(d.emission);
-    if (medium.emits_ && d.emission_grid) e.scale_grid = field(*d.emission_grid, "Lescale");
+    if (!medium.attenuates() || is_black(medium.unit_.sigma_a) || is_black(e.radiance) || e.scale == 0) return;
+    if (d.temperature) {
+      e.temperature_scale = d.temperature_scale;
+      e.temperature_offset = d.temperature_offset;
+      e.temperature_cutoff = d.temperature_cutoff;
+      if (!(hottest(*d.temperature, e) > e.temperature_cutoff)) return;
+      e.temperature = temperature_field(*d.temperature);
+    }
+    if (d.emission_grid) e.scale_grid = field(*d.emission_grid, "Lescale");
+    medium.emits_ = true;
   }
 
-  void bound(const DenseField<float>& density) {
-    MajorantGrid grid(density.size(), density.box(), density.map(), kFinestEdge);
-    for_each_voxel(density.size(), [&](IVec3 v) { grid.add_voxel(v, density.voxel(v.x, v.y, v.z)); });
+  /// A bound of the temperatures in kelvin, infinite where none is known.
+  static float hottest(const FloatVolume& volume, const GridEmission& e) {
+    const auto* dense = std::get_if<DenseGrid<float>>(&volume);
+    if (!(e.temperature_scale > 0)) return kInf;
+    // Where the grid has no values it reads 0, before scale and offset.
+    if (dense == nullptr) return e.kelvin(std::max(0.0f, std::get<SparseGrid>(volume).maximum));
+    float largest = 0;
+    for (const float value : dense->values) largest = std::max(largest, value);
+    return e.kelvin(largest);
+  }
+
+  /// Temperatures may be negative before the offset is taken away.
+  BrickField<float> temperature_field(const FloatVolume& volume) {
+    if (const auto* dense = std::get_if<DenseGrid<float>>(&volume)) {
+      checks.finite(*dense, "temperature");
+      return {*dense, render_from_medium};
+    }
+    SparseField sparse = sparse_field(std::get<SparseGrid>(volume), "temperature", SparseField::Values::kAnySign);
+    // Only the density's box ends a medium.
+    sparse.set_box({DVec3(-1e9), DVec3(1e9)});
+    return BrickField<float>(std::move(sparse));
+  }
+
+  void bound(const DenseGrid<float>& values, const BrickField<float>& density) {
+    MajorantGrid grid(values.size, density.box(), density.map(), kFinestEdge);
+    for_each_voxel(values.size, [&](IVec3 v) { grid.add_voxel(v, values.at(v.x, v.y, v.z)); });
     grid.scale(max_component(medium.unit_sigma_t_));
     set_majorants(std::move(grid));
   }
@@ -183,28 +224,31 @@ struct Medium::Builder {
     if (!d.sigma_a && !d.sigma_s) checks.fail("neither sigma_a nor sigma_s is given; an rgbgrid needs one of them");
     const IVec3 size = d.sigma_a ? d.sigma_a->size : d.sigma_s->size;
     const float scale = d.scale * inverse_scale;
-    const auto rgb_field = [&](const RgbVolume& volume, const char* name, float factor) {
-      if (volume.size != size) checks.fail(fmt::format("its {} grid has another resolution than the others", name));
-      return DenseField<Rgb>(checks.without_negatives(volume, name), render_from_medium, factor);
+    const auto checked = [&](const std::shared_ptr<const RgbVolume>& volume, const char* name) -> std::optional<RgbVolume> {
+      if (!volume) return std::nullopt;
+      if (volume->size != size) checks.fail(fmt::format("its {} grid has another resolution than the others", name));
+      return checks.without_negatives(*volume, name);
     };
+    const std::optional<RgbVolume> sigma_a = checked(d.sigma_a, "sigma_a"), sigma_s = checked(d.sigma_s, "sigma_s"),
+                                   emission = checked(d.emission, "Le");
     RgbGrids& rgb = medium.rgb_;
     rgb.absent = Rgb(scale);
-    if (d.sigma_a) rgb.sigma_a = rgb_field(*d.sigma_a, "sigma_a", scale);
-    if (d.sigma_s) rgb.sigma_s = rgb_field(*d.sigma_s, "sigma_s", scale);
-    if (d.emission) rgb.emission = rgb_field(*d.emission, "Le", d.emission_scale);
+    if (sigma_a) rgb.sigma_a.emplace(*sigma_a, render_from_medium, scale);
+    if (sigma_s) rgb.sigma_s.emplace(*sigma_s, render_from_medium, scale);
+    if (emission) rgb.emission.emplace(*emission, render_from_medium, d.emission_scale);
 
-    const DenseField<Rgb>& shape = rgb.sigma_a ? *rgb.sigma_a : *rgb.sigma_s;
+    const BrickField<Rgb>& shape = rgb.sigma_a ? *rgb.sigma_a : *rgb.sigma_s;
     MajorantGrid grid(size, shape.box(), shape.map(), kFinestEdge);
     medium.grey_ = true;
     bool glows = false;
     for_each_voxel(size, [&](IVec3 v) {
-      const Rgb a = rgb.sigma_a ? rgb.sigma_a->voxel(v.x, v.y, v.z) : rgb.absent,
-                s = rgb.sigma_s ? rgb.sigma_s->voxel(v.x, v.y, v.z) : rgb.absent;
+      const auto value = [&](const std::optional<RgbVolume>& volume) { return volume ? volume->at(v.x, v.y, v.z) * scale : Rgb(scale); };
+      const Rgb a = value(sigma_a), s = value(sigma_s);
       grid.add_voxel(v, max_component(a + s));
       medium.grey_ = medium.grey_ && has_equal_channels(a) && has_equal_channels(s);
       medium.scatters_ = medium.scatters_ || !is_black(s);
       medium.emits_ = medium.emits_ || !is_black(a);
-      glows = glows || (rgb.emission && !is_black(rgb.emission->voxel(v.x, v.y, v.z)));
+      glows = glows || (emission && d.emission_scale > 0 && !is_black(emission->at(v.x, v.y, v.z)));
     });
     medium.emits_ = medium.emits_ && glows;
     grid.scale(1);
@@ -236,8 +280,10 @@ Medium::Medium(const MediumDescription& description, const DMat4& render_from_wo
 }
 
 Rgb Medium::GridEmission::at(Vec3 p) const {
-  const float s = scale_grid ? scale * look_up(*scale_grid, p) : scale;
-  return radiance * s;
+  const Rgb scaled = radiance * (scale_grid ? scale * look_up(*scale_grid, p) : scale);
+  if (!temperature) return scaled;
+  const float t = kelvin(look_up(*temperature, p));
+  return t > temperature_cutoff ? scaled * blackbody_emission(t) : Rgb(0);
 }
 
 MediumPoint Medium::at(Vec3 p) const {

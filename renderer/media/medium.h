@@ -13,11 +13,10 @@
 #include <variant>
 #include <vector>
 
+#include "renderer/media/brick_field.h"
 #include "renderer/media/cloud_field.h"
-#include "renderer/media/dense_field.h"
 #include "renderer/media/majorant_grid.h"
 #include "renderer/media/phase.h"
-#include "renderer/media/sparse_field.h"
 #include "renderer/scene/description.h"
 
 namespace woodcock {
@@ -31,10 +30,9 @@ struct MediumPoint {
 };
 
 /// Something with one float value at each render-space point: `at(p)`, with `map()` into its own cells.
-using FloatField = std::variant<DenseField<float>, SparseField, CloudField>;
+using FloatField = std::variant<BrickField<float>, CloudField>;
 inline float look_up(const FloatField& field, Vec3 p) {
-  if (const auto* dense = std::get_if<DenseField<float>>(&field)) return dense->at(p);
-  if (const auto* sparse = std::get_if<SparseField>(&field)) return sparse->at(p);
+  if (const auto* bricks = std::get_if<BrickField<float>>(&field)) return bricks->at(p);
   return std::get_if<CloudField>(&field)->at(p);
 }
 
@@ -82,18 +80,20 @@ class Medium {
 
  private:
   enum class Kind { kHomogeneous, kGrid, kRgbGrid };
+  /// Le = radiance × scale × scale_grid × blackbody(temperature), each factor where there is one.
   struct GridEmission {
-    Rgb radiance{0};  ///< Le where there is no temperature
+    Rgb radiance{0};
     float scale = 0;
     std::optional<FloatField> scale_grid;
     std::optional<FloatField> temperature;
     float temperature_scale = 1, temperature_offset = 0, temperature_cutoff = 0;
 
+    float kelvin(float value) const { return (value - temperature_offset) * temperature_scale; }
     Rgb at(Vec3 p) const;
   };
   /// σa and σs grids; an absent one is `absent` everywhere inside the box of the other.
   struct RgbGrids {
-    std::optional<DenseField<Rgb>> sigma_a, sigma_s, emission;
+    std::optional<BrickField<Rgb>> sigma_a, sigma_s, emission;
     Rgb absent{0};
 
     Rgb sigma_a_at(Vec3 p) const { return sigma_a ? sigma_a->at(p) : sigma_s->contains(p) ? absent : Rgb(0); }

@@ -1,10 +1,12 @@
-#include "renderer/media/sparse_field.h"
+// Unpacking NanoVDB trees into bricks.
+#include "renderer/media/brick_field.h"
 
 #include <nanovdb/NanoVDB.h>
 
 #include <algorithm>
 #include <array>
 #include <map>
+#include <optional>
 #include <stdexcept>
 
 namespace woodcock {
@@ -15,7 +17,6 @@ using Tree = nanovdb::FloatTree;
 using Leaf = Tree::LeafNodeType;
 using Accessor = nanovdb::DefaultReadAccessor<float>;
 
-constexpr int kNodeCells = 128;          // NanoVDB's lower internal nodes
 constexpr int64_t kMostNodes = 1 << 26;  // 256 MiB of table: a box of about 50 000³ voxels
 
 nanovdb::Coord coord(IVec3 v) { return {v.x, v.y, v.z}; }
@@ -33,7 +34,8 @@ std::optional<float> block_value(const Tree& tree, IVec3 origin) {
 /// Unpacks a tree.
 class SparseField::Builder {
  public:
-  Builder(SparseField& field, const Tree& tree, IVec3 origin) : field_(field), tree_(tree), accessor_(tree.root()), origin_(origin) {}
+  Builder(SparseField& field, const Tree& tree, IVec3 origin, Values values)
+      : field_(field), tree_(tree), accessor_(tree.root()), origin_(origin), values_(values) {}
 
   void build() {
     const IVec3 n = field_.node_size_;
@@ -45,7 +47,7 @@ class SparseField::Builder {
  private:
   /// Values that no density has are read as 0, and counted once, in the brick that owns the voxel.
   float clean(float value, bool owned) {
-    if (value >= 0 && std::isfinite(value)) return value;
+    if ((value >= 0 || values_ == Values::kAnySign) && std::isfinite(value)) return value;
     if (owned) ++(std::isfinite(value) ? field_.negative_ : field_.non_finite_);
     return 0;
   }
@@ -68,15 +70,9 @@ class SparseField::Builder {
   }
 
   int unpack_node(IVec3 corner) {
-    std::array<int, 4096> bricks;
-    bool empty = true;
-    for (int i = 0; i < 4096; ++i) {
-      bricks[i] = brick(corner + 8 * IVec3(i & 15, i >> 4 & 15, i >> 8));
-      empty = empty && bricks[i] < 0;
-    }
-    if (empty) return -1;
-    field_.bricks_.insert(field_.bricks_.end(), bricks.begin(), bricks.end());
-    return static_cast<int>(field_.bricks_.size() / 4096) - 1;
+    std::vector<int> bricks(4096);
+    for (int i = 0; i < 4096; ++i) bricks[static_cast<size_t>(i)] = brick(corner + 8 * IVec3(i & 15, i >> 4 & 15, i >> 8));
+    return field_.add_node(bricks);
   }
 
   int brick(IVec3 corner) {
@@ -97,7 +93,6 @@ class SparseField::Builder {
 
   int unpack_brick(const std::array<const Leaf*, 8>& leaf, const Octet& value) {
     float* v = scratch_.data();
-    bool any = false;
     for (int z = 0; z < 9; ++z)
       for (int y = 0; y < 9; ++y)
         for (int x = 0; x < 9; ++x, ++v) {
@@ -105,22 +100,20 @@ class SparseField::Builder {
           // A leaf stores z fastest.
           *v = leaf[block] == nullptr ? value[block]
                                       : clean(leaf[block]->data()->getValue((x & 7) << 6 | (y & 7) << 3 | (z & 7)), block == 0);
-          any = any || *v != 0;
         }
-    if (!any) return -1;
-    field_.values_.insert(field_.values_.end(), scratch_.begin(), scratch_.end());
-    return static_cast<int>(field_.values_.size() / kBrickValues) - 1;
+    return field_.add_brick(scratch_);
   }
 
   SparseField& field_;
   const Tree& tree_;
   Accessor accessor_;
   IVec3 origin_;
+  Values values_;
   std::map<Octet, int> constant_nodes_, constant_bricks_;
-  std::array<float, kBrickValues> scratch_;
+  std::vector<float> scratch_ = std::vector<float>(kBrickValues);
 };
 
-SparseField::SparseField(const SparseGrid& grid, const DMat4& render_from_medium) {
+SparseField::SparseField(const SparseGrid& grid, const DMat4& render_from_medium, Values values) {
   const IVec3 min = grid.index_min, max = grid.index_max;
   if (grid.buffer == nullptr || max.x < min.x || max.y < min.y || max.z < min.z) return;
   // Cells count from a corner that is aligned to NanoVDB's nodes and lies below the first sample, so that cell
@@ -128,6 +121,7 @@ SparseField::SparseField(const SparseGrid& grid, const DMat4& render_from_medium
   IVec3 origin;
   for (int i = 0; i < 3; ++i) origin[i] = floor_to(min[i] - 1, kNodeCells);
   voxels_ = max - origin + 1;
+  to_storage_ = -0.5f;
   int64_t nodes = 1;
   for (int i = 0; i < 3; ++i) {
     // Samples up to max + 1 are base corners of look-ups.
@@ -140,7 +134,7 @@ SparseField::SparseField(const SparseGrid& grid, const DMat4& render_from_medium
   map_ = GridMap(glm::inverse(render_from_medium * grid.medium_from_index * index_from_cell));
   nodes_.reserve(static_cast<size_t>(nodes));
   const auto* nano = reinterpret_cast<const nanovdb::FloatGrid*>(grid.buffer.get());
-  Builder(*this, nano->tree(), origin).build();
+  Builder(*this, nano->tree(), origin, values).build();
   set_box({DVec3(min - origin) + 0.5, DVec3(max - origin) + 1.5});
 }
 

@@ -4,6 +4,7 @@
 
 #include <glm/gtc/matrix_transform.hpp>
 
+#include "renderer/scene/colorimetry.h"
 #include "renderer/scene/scene_error.h"
 #include "tests/media/grids.h"
 
@@ -59,8 +60,8 @@ TEST(Medium, values_without_meaning_are_refused_with_their_place) {
 
 TEST(Medium, negative_densities_are_read_as_zero_and_reported) {
   std::vector<std::string> notes;
-  const Medium m({"m", {}, DMat4(1), grid_medium(make_dense(IVec3(2), DVec3(0), DVec3(1), [](IVec3 v) { return v.x == 0 ? -1.f : 1.f; }))},
-                 DMat4(1), 1, notes);
+  const auto grid = make_dense(IVec3(2), DVec3(0), DVec3(1), [](IVec3 v) { return v.x == 0 ? -1.f : 1.f; });
+  const Medium m(describe(grid_medium(grid)), DMat4(1), 1, notes);
   ASSERT_EQ(notes.size(), 1u);
   EXPECT_THAT(notes[0], testing::HasSubstr("4 negative"));
   EXPECT_EQ(m.density({0.25f, 0.25f, 0.25f}), 0);
@@ -106,6 +107,31 @@ TEST(GridMedium, emission_is_sigma_a_times_le_times_the_interpolated_scale) {
   EXPECT_TRUE(make_medium(d).emits());
   d.emission = Rgb(0);
   EXPECT_FALSE(make_medium(d).emits());
+}
+
+TEST(GridMedium, temperatures_emit_a_blackbody_above_the_cutoff) {
+  const auto constant = [](float value) { return make_dense(IVec3(2), DVec3(0), DVec3(2), [=](IVec3) { return value; }); };
+  GridMediumDescription d = grid_medium(constant(2), Rgb(3), Rgb(0));
+  d.emission = Rgb(1);
+  d.emission_scale = 0.25f;
+  d.temperature = std::make_shared<const FloatVolume>(constant(4000));
+  d.temperature_scale = 2;
+  d.temperature_offset = 1000;
+  d.temperature_cutoff = 100;
+  const Rgb want = 6.0f * 0.25f * blackbody_emission(6000);
+  const Rgb got = make_medium(d).at({1, 1, 1}).emission;
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(got[c], want[c], 1e-5 * want[c]);
+  // ∫ of a 6500 K blackbody with peak 1 against the luminous efficiency.
+  d.temperature_offset = 750;
+  EXPECT_NEAR(luminance(make_medium(d).at({1, 1, 1}).emission), 6 * 0.25 * 94.7, 0.5);
+  d.temperature_offset = 3960;
+  EXPECT_FALSE(make_medium(d).emits());
+  EXPECT_EQ(make_medium(d).at({1, 1, 1}).emission, Rgb(0));
+  // Stored values may be negative before the offset is taken away.
+  d.temperature = std::make_shared<const FloatVolume>(constant(-100));
+  d.temperature_offset = -3100;
+  d.temperature_scale = 1;
+  EXPECT_NEAR(make_medium(d).at({1, 1, 1}).emission.x, 6 * 0.25 * blackbody_emission(3000).x, 1e-3);
 }
 
 TEST(GridMedium, N55_rotated_and_unevenly_scaled_transforms_look_up_the_same_points) {

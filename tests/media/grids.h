@@ -33,10 +33,19 @@ inline GridMediumDescription grid_medium(FloatVolume density, Rgb sigma_a = Rgb(
   return d;
 }
 
+inline MediumDescription describe(MediumKind kind, const DMat4& world_from_medium = DMat4(1)) {
+  MediumDescription d;
+  d.name = "test";
+  d.where = {"test.pbrt", 1, 1};
+  d.world_from_medium = world_from_medium;
+  d.kind = std::move(kind);
+  return d;
+}
+
 inline Medium make_medium(MediumKind kind, const DMat4& world_from_medium = DMat4(1), const DMat4& render_from_world = DMat4(1),
                           double scale = 1) {
   std::vector<std::string> notes;
-  return Medium({"test", {"test.pbrt", 1, 1}, world_from_medium, std::move(kind)}, render_from_world, scale, notes);
+  return Medium(describe(std::move(kind), world_from_medium), render_from_world, scale, notes);
 }
 
 /// pbrt-v4's definition of a uniform grid, in double and without any cleverness: at a point of medium space.

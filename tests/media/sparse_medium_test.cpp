@@ -165,7 +165,7 @@ TEST(SparseMedium, values_without_meaning_are_reported_or_refused) {
   grid->tree().setValue(openvdb::Coord(1, 2, 3), -1.0f);
   grid->tree().setValue(openvdb::Coord(7, 8, 9), 1.0f);
   std::vector<std::string> notes;
-  const Medium m({"m", {}, DMat4(1), grid_medium(to_sparse(*grid))}, DMat4(1), 1, notes);
+  const Medium m(describe(grid_medium(to_sparse(*grid))), DMat4(1), 1, notes);
   ASSERT_EQ(notes.size(), 1u);
   EXPECT_EQ(m.density({1, 2, 3}), 0);
   EXPECT_EQ(m.density({7, 8, 9}), 1);

@@ -1,0 +1,165 @@
+// Density look-ups and brick steps per second: our fields against bare loops and NanoVDB's own cached accessor on the same points.
+#include <benchmark/benchmark.h>
+#include <nanovdb/util/OpenToNanoVDB.h>
+#include <nanovdb/util/SampleFromVoxels.h>
+#include <openvdb/openvdb.h>
+
+#include <cstring>
+
+#include "renderer/core/random.h"
+#include "renderer/core/warp.h"
+#include "renderer/media/medium.h"
+
+namespace woodcock {
+namespace {
+
+constexpr int kSide = 256;
+
+/// A cloud-like volume: a ball that is filled where smooth waves are positive.
+float cloud(int x, int y, int z) {
+  const float h = kSide / 2.0f, r = std::sqrt((x - h) * (x - h) + (y - h) * (y - h) + (z - h) * (z - h)) / h;
+  if (r > 0.9f) return 0;
+  const float wave = std::sin(0.11f * x) * std::sin(0.13f * y) + std::sin(0.07f * z + 0.05f * x);
+  return std::max(0.0f, wave * (0.9f - r));
+}
+
+DenseGrid<float> dense_grid() {
+  DenseGrid<float> grid{IVec3(kSide), DVec3(0), DVec3(kSide), {}};
+  for (int z = 0; z < kSide; ++z)
+    for (int y = 0; y < kSide; ++y)
+      for (int x = 0; x < kSide; ++x) grid.values.push_back(cloud(x, y, z));
+  return grid;
+}
+
+SparseGrid sparse_grid() {
+  openvdb::initialize();
+  auto grid = openvdb::FloatGrid::create(0.0f);
+  auto accessor = grid->getAccessor();
+  for (int x = 0; x < kSide; ++x)
+    for (int y = 0; y < kSide; ++y)
+      for (int z = 0; z < kSide; ++z)
+        if (const float v = cloud(x, y, z); v > 0) accessor.setValue({x, y, z}, v);
+  const auto handle = nanovdb::openToNanoVDB(*grid);
+  std::shared_ptr<std::byte[]> buffer(static_cast<std::byte*>(std::aligned_alloc(64, (handle.size() + 63) / 64 * 64)), std::free);
+  std::memcpy(buffer.get(), handle.data(), handle.size());
+  const auto box = grid->evalActiveVoxelBoundingBox();
+  return {buffer, handle.size(), DMat4(1), {box.min().x(), box.min().y(), box.min().z()}, {box.max().x(), box.max().y(), box.max().z()}, 1};
+}
+
+MediumDescription description(FloatVolume volume) {
+  GridMediumDescription grid;
+  grid.sigma_a = Rgb(0);
+  grid.density = std::make_shared<const FloatVolume>(std::move(volume));
+  MediumDescription d;
+  d.kind = std::move(grid);
+  return d;
+}
+
+const Medium& medium(bool sparse) {
+  static std::vector<std::string> notes;
+  static const Medium dense_medium(description(dense_grid()), DMat4(1), 1, notes);
+  static const Medium sparse_medium(description(sparse_grid()), DMat4(1), 1, notes);
+  return sparse ? sparse_medium : dense_medium;
+}
+
+/// Points as tracking visits them: along random rays, a step of about two voxels apart.
+const std::vector<Vec3>& points() {
+  static const std::vector<Vec3> result = [] {
+    std::vector<Vec3> list;
+    Stream random(1);
+    for (int ray = 0; ray < 2000; ++ray) {
+      Vec3 p = 256.0f * Vec3(random.uniform(), random.uniform(), random.uniform());
+      const Vec3 d = square_to_sphere(random.uniform2());
+      for (int i = 0; i < 50; ++i) list.push_back(p += d * (2 * random.exponential()));
+    }
+    return list;
+  }();
+  return result;
+}
+
+void DensityLookUp(benchmark::State& state) {
+  const Medium& m = medium(state.range(0) != 0);
+  size_t looked_up = 0;
+  for (auto _ : state) {
+    float sum = 0;
+    for (const Vec3& p : points()) sum += m.grey_sigma_t(p);
+    benchmark::DoNotOptimize(sum);
+    looked_up += points().size();
+  }
+  state.SetItemsProcessed(static_cast<int64_t>(looked_up));
+}
+BENCHMARK(DensityLookUp)->ArgName("sparse")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+
+/// NanoVDB's sampler with an accessor that lives as long as the ray would at best, on the same points.
+void NanoVdbLookUp(benchmark::State& state) {
+  static const SparseGrid grid = sparse_grid();
+  const auto* nano = reinterpret_cast<const nanovdb::FloatGrid*>(grid.buffer.get());
+  const auto accessor = nano->getAccessor();
+  const nanovdb::SampleFromVoxels<nanovdb::DefaultReadAccessor<float>, 1, false> sampler(accessor);
+  size_t looked_up = 0;
+  for (auto _ : state) {
+    float sum = 0;
+    for (const Vec3& p : points()) sum += sampler(nanovdb::Vec3f(p.x, p.y, p.z));
+    benchmark::DoNotOptimize(sum);
+    looked_up += points().size();
+  }
+  state.SetItemsProcessed(static_cast<int64_t>(looked_up));
+}
+BENCHMARK(NanoVdbLookUp)->Unit(benchmark::kMillisecond);
+
+/// Reads eight neighbours at the same points without any interpolation: the memory's share of a dense look-up.
+void BareDenseReads(benchmark::State& state) {
+  static const DenseGrid<float> grid = dense_grid();
+  size_t looked_up = 0;
+  for (auto _ : state) {
+    float sum = 0;
+    for (const Vec3& p : points()) {
+      const IVec3 v = glm::clamp(IVec3(p), IVec3(0), IVec3(kSide - 2));
+      for (int corner = 0; corner < 8; ++corner) sum += grid.at(v.x + (corner & 1), v.y + (corner >> 1 & 1), v.z + (corner >> 2));
+    }
+    benchmark::DoNotOptimize(sum);
+    looked_up += points().size();
+  }
+  state.SetItemsProcessed(static_cast<int64_t>(looked_up));
+}
+BENCHMARK(BareDenseReads)->Unit(benchmark::kMillisecond);
+
+void WalkSegments(benchmark::State& state) {
+  const Medium& m = medium(state.range(0) != 0);
+  std::vector<Ray> rays;
+  Stream random(2);
+  for (int i = 0; i < 2000; ++i)
+    rays.push_back({256.0f * Vec3(random.uniform(), random.uniform(), random.uniform()), square_to_sphere(random.uniform2())});
+  int64_t segments = 0;
+  for (auto _ : state) {
+    float sum = 0;
+    for (const Ray& ray : rays) {
+      MajorantWalk walk(m, ray, kInf);
+      while (const auto s = walk.next()) {
+        sum += s->sigma * (s->t1 - s->t0);
+        ++segments;
+      }
+    }
+    benchmark::DoNotOptimize(sum);
+  }
+  state.SetItemsProcessed(segments);
+  state.counters["edge"] = m.majorants().edge();
+}
+BENCHMARK(WalkSegments)->ArgName("sparse")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+
+/// Unpacking a sparse grid and bounding it, per active voxel.
+void BuildSparse(benchmark::State& state) {
+  static const SparseGrid grid = sparse_grid();
+  std::vector<std::string> notes;
+  const MediumDescription d = description(grid);
+  for (auto _ : state) {
+    const Medium m(d, DMat4(1), 1, notes);
+    benchmark::DoNotOptimize(m.maximum_sigma_t());
+  }
+  const auto* nano = reinterpret_cast<const nanovdb::FloatGrid*>(grid.buffer.get());
+  state.SetItemsProcessed(static_cast<int64_t>(nano->activeVoxelCount()) * static_cast<int64_t>(state.iterations()));
+}
+BENCHMARK(BuildSparse)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace woodcock
