@@ -28,6 +28,24 @@ void take(const json& in, const char* name, std::optional<T>& value) {
   if (in.contains(name)) value = in.at(name).get<T>();
 }
 
+/// JSON holds text only.
+std::string to_hex(const std::string& bytes) {
+  constexpr char kDigits[] = "0123456789abcdef";
+  std::string text;
+  for (const char c : bytes) {
+    text += kDigits[static_cast<unsigned char>(c) >> 4];
+    text += kDigits[static_cast<unsigned char>(c) & 15];
+  }
+  return text;
+}
+
+std::string from_hex(const std::string& text) {
+  const auto value = [](char c) { return c <= '9' ? c - '0' : c - 'a' + 10; };
+  std::string bytes;
+  for (size_t i = 0; i + 1 < text.size(); i += 2) bytes += static_cast<char>(value(text[i]) << 4 | value(text[i + 1]));
+  return bytes;
+}
+
 json settings_json(const FrameSettings& settings) {
   json out{{"estimator", settings.estimator}, {"allow_unsupported", settings.allow_unsupported}, {"frame", settings.frame}};
   put(out, "resolution", settings.resolution);
@@ -75,7 +93,8 @@ json to_json(const RenderCommand& command) {
           {"range", {command.sample_begin, command.sample_end}},
           {"threads", command.threads},
           {"output_path", command.output_path},
-          {"result_key", command.result_key}};
+          {"result_key", command.result_key},
+          {"header", to_hex(command.header)}};
 }
 
 RenderCommand render_command_from(const json& message) {
@@ -91,6 +110,7 @@ RenderCommand render_command_from(const json& message) {
   message.at("threads").get_to(command.threads);
   message.at("output_path").get_to(command.output_path);
   message.at("result_key").get_to(command.result_key);
+  command.header = from_hex(message.at("header").get<std::string>());
   return command;
 }
 

@@ -23,7 +23,8 @@ struct RenderCommand {
   int64_t sample_begin = 0, sample_end = 0;  ///< an aligned power of two
   int threads = 1;
   std::string output_path;  ///< where the tile's EXR goes
-  std::string result_key;   ///< what the coordinator says the result is; empty skips the check
+  std::string result_key;   ///< what the coordinator says the result is
+  std::string header;       ///< serialized v1::FrameHeader to compare with what was loaded; empty skips the check
 };
 
 /// How far a render is. `phase` is "idle", "loading", "building" or "rendering".
