@@ -1,0 +1,83 @@
+#include "client/fetch_frames.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <filesystem>
+#include <stdexcept>
+
+#include "client/job_view.h"
+#include "client/output_path.h"
+#include "renderer/film/png.h"
+#include "rpc/blob_transfer.h"
+
+namespace woodcock {
+namespace {
+
+namespace fs = std::filesystem;
+/// A partial image is merged on demand.
+constexpr std::chrono::minutes kMergeDeadline{10};
+
+std::string default_name(const v1::Job& job) {
+  const std::string stem = fs::path(job.name()).stem().string();
+  const bool numbered = job.frame_count() > 1 && stem.find('#') == std::string::npos;
+  return (stem.empty() ? job.job_id() : stem) + (numbered ? "-####.exr" : ".exr");
+}
+
+}  // namespace
+
+std::string with_frame_number(const std::string& text, uint64_t frame) {
+  size_t best = 0, best_length = 0;
+  for (size_t i = 0; i < text.size();) {
+    size_t end = i;
+    while (end < text.size() && text[end] == '#') ++end;
+    if (end - i > best_length) best = i, best_length = end - i;
+    i = std::max(end, i + 1);
+  }
+  if (best_length == 0) return text;
+  return text.substr(0, best) + fmt::format("{:0{}}", frame, best_length) + text.substr(best + best_length);
+}
+
+void check_output(const std::string& output, int64_t frames) {
+  if (output.empty()) return;
+  if (frames > 1 && output.find('#') == std::string::npos)
+    throw std::runtime_error("--output must hold #### for the frame's number, since there are " + std::to_string(frames) + " frames");
+  output_path(with_frame_number(output, 0), "", false);
+}
+
+Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& options) {
+  check_output(options.output, options.frame ? 1 : job.frame_count());
+  Fetched fetched;
+  for (const v1::FrameStatus& status : job.frames()) {
+    if (options.frame && status.frame() != *options.frame) continue;
+    const std::string asked = options.output.empty() ? "" : with_frame_number(options.output, status.frame());
+    const fs::path path = output_path(asked, with_frame_number(default_name(job), status.frame()), false);
+    v1::GetFrameRequest request;
+    request.set_job_id(job.job_id());
+    request.set_frame(status.frame());
+    request.set_partial(options.partial);
+    v1::GetFrameResponse response;
+    service.call(&v1::JobsService::Stub::GetFrame, request, response, fmt::format("asking for frame {}", status.frame()), kMergeDeadline);
+    rpc::download_file(service.blobs(), response.image_digest(), path.string());
+    const fs::path png = fs::path(path).replace_extension(".png");
+    write_png(path, png);
+
+    const bool complete = !response.partial() && response.frame().state() != v1::FRAME_STATE_PARTIAL;
+    fetched.complete = fetched.complete && complete;
+    fetched.frames.push_back({{"frame", status.frame()},
+                              {"output", path.string()},
+                              {"png", png.string()},
+                              {"digest", response.image_digest()},
+                              {"complete", complete},
+                              {"statistics", statistics_json(response.statistics())}});
+    if (options.quiet) continue;
+    fmt::print("{}: {}{}\n", path.string(), error_line(response.statistics()), complete ? "" : " (not complete)");
+    fmt::print("{}: the same picture to look at\n", png.string());
+  }
+  if (fetched.frames.empty()) throw std::runtime_error(fmt::format("job {} has no frame {}", job.job_id(), options.frame.value_or(0)));
+  if (!options.quiet)
+    if (const std::string price = price_line(job); !price.empty()) fmt::print("{}\n", price);
+  return fetched;
+}
+
+}  // namespace woodcock

@@ -1,0 +1,30 @@
+// Jobs as text and as JSON.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "woodcock/v1/job.pb.h"
+
+namespace woodcock {
+
+/// "running", "done", …
+std::string state_name(v1::JobState state);
+std::string state_name(v1::FrameState state);
+bool has_ended(v1::JobState state);
+
+/// 0 done or still going, 1 failed or cancelled, 3 partial.
+int exit_code(v1::JobState state);
+
+nlohmann::json job_json(const v1::Job& job);
+nlohmann::json frame_json(const v1::FrameStatus& frame);
+nlohmann::json statistics_json(const v1::FrameStatistics& statistics);
+
+/// "error 1.2 % of the mean (95 % interval 1.1 % to 1.3 %)", and what else a user should know of a frame's image.
+std::string error_line(const v1::FrameStatistics& statistics);
+
+/// What a smaller error would cost, from what this job cost so far; empty where nothing was measured. The error falls with
+/// the square root of the number of samples.
+std::string price_line(const v1::Job& job);
+
+}  // namespace woodcock

@@ -1,0 +1,204 @@
+// The commands about jobs that exist: jobs, show, watch, fetch, cancel, pause, resume, extend.
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "client/commands.h"
+#include "client/fetch_frames.h"
+#include "client/job_view.h"
+#include "client/progress_line.h"
+#include "client/service.h"
+#include "client/watch_job.h"
+
+namespace woodcock {
+namespace {
+
+struct JobOptions {
+  ServiceOptions service;
+  std::string job;
+  bool json = false;
+};
+
+/// What all commands about one job take.
+template <typename Options>
+CLI::App* add_job_command(CLI::App& app, const std::string& name, const std::string& description, const std::shared_ptr<Options>& options) {
+  auto* command = app.add_subcommand(name, description);
+  command->add_option("job", options->job, "The job's id, as `woodcock submit` or `woodcock jobs` prints it")->required();
+  add_service_options(*command, options->service);
+  command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
+  return command;
+}
+
+double percent(const v1::Progress& progress) {
+  if (progress.samples_total() <= 0) return 0;
+  return 100 * static_cast<double>(progress.samples_done()) / static_cast<double>(progress.samples_total());
+}
+
+void print_job(const v1::Job& job) {
+  const v1::Progress& progress = job.progress();
+  fmt::print("job       {}  {}\n", job.job_id(), job.name());
+  fmt::print("state     {}{}{}\n", state_name(job.state()), job.state_reason().empty() ? "" : ": ", job.state_reason());
+  fmt::print("samples   {} per pixel, {:.1f} % done\n", job.settings().samples(), percent(progress));
+  fmt::print("tasks     {} of {} done, {} leased, {} given up\n", progress.tasks_done(), progress.tasks_total(), progress.tasks_leased(),
+             progress.tasks_failed());
+  fmt::print("cost      {} of processor time so far\n", format_seconds(progress.worker_seconds()));
+  if (progress.has_eta_seconds()) fmt::print("left      about {}\n", format_seconds(progress.eta_seconds()));
+  for (const v1::FrameStatus& frame : job.frames()) {
+    fmt::print("frame {:<4}{}", frame.frame(), state_name(frame.state()));
+    if (frame.state() == v1::FRAME_STATE_DONE || frame.state() == v1::FRAME_STATE_PARTIAL)
+      fmt::print(", {}", error_line(frame.statistics()));
+    if (!frame.waiting_reason().empty()) fmt::print(", waits: {}", frame.waiting_reason());
+    if (!frame.reason().empty()) fmt::print(", {}", frame.reason());
+    fmt::print("\n");
+    for (const v1::FailedTask& task : frame.failed_tasks())
+      fmt::print("  given up: pixels {},{} to {},{}, samples {} to {}: {}\n", task.rect().x0(), task.rect().y0(), task.rect().x1(),
+                 task.rect().y1(), task.range().begin(), task.range().end(), task.last_error());
+  }
+}
+
+void report(const v1::Job& job, bool json) {
+  if (json)
+    fmt::print("{}\n", job_json(job).dump(2));
+  else
+    fmt::print("job {} is {}\n", job.job_id(), state_name(job.state()));
+}
+
+int list(const JobOptions& options) {
+  Service service(options.service);
+  nlohmann::json all = nlohmann::json::array();
+  v1::ListJobsRequest request;
+  request.set_page_size(1000);
+  bool header = false;
+  do {
+    v1::ListJobsResponse response;
+    service.call(&v1::JobsService::Stub::ListJobs, request, response, "listing the jobs");
+    for (const v1::Job& job : response.jobs()) {
+      all.push_back(job_json(job));
+      if (options.json) continue;
+      if (!std::exchange(header, true))
+        fmt::print("{:<26} {:<11} {:>7} {:>7} {:>6}  {}\n", "JOB", "STATE", "DONE", "FRAMES", "SPP", "NAME");
+      fmt::print("{:<26} {:<11} {:>6.1f}% {:>7} {:>6}  {}\n", job.job_id(), state_name(job.state()), percent(job.progress()),
+                 job.frame_count(), job.settings().samples(), job.name());
+    }
+    request.set_page_token(response.next_page_token());
+  } while (!request.page_token().empty());
+  if (options.json)
+    fmt::print("{}\n", nlohmann::json{{"jobs", all}}.dump(2));
+  else if (all.empty())
+    fmt::print("no jobs yet: woodcock submit SCENE\n");
+  return 0;
+}
+
+/// One call that answers with the job.
+template <typename Request, typename Response, typename Method>
+int act(const JobOptions& options, Method method, Request request, const std::string& what) {
+  Service service(options.service);
+  request.set_job_id(options.job);
+  Response response;
+  service.call(method, request, response, what + " job " + options.job);
+  report(response.job(), options.json);
+  return 0;
+}
+
+}  // namespace
+
+void add_jobs_command(CLI::App& app, int& code) {
+  auto* command = app.add_subcommand("jobs", "List the coordinator's jobs, newest first");
+  auto options = std::make_shared<JobOptions>();
+  add_service_options(*command, options->service);
+  command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
+  command->footer("Example:\n  woodcock jobs");
+  command->callback([options, &code] { code = list(*options); });
+}
+
+void add_show_command(CLI::App& app, int& code) {
+  auto options = std::make_shared<JobOptions>();
+  auto* command = add_job_command(app, "show", "Show a job with its frames, what it waits for, and what failed", options);
+  command->footer("Example:\n  woodcock show JOB");
+  command->callback([options, &code] {
+    Service service(options->service);
+    const v1::Job job = service.job(options->job);
+    if (options->json)
+      fmt::print("{}\n", job_json(job).dump(2));
+    else
+      print_job(job);
+    code = 0;
+  });
+}
+
+void add_watch_command(CLI::App& app, int& code) {
+  auto options = std::make_shared<JobOptions>();
+  auto* command = add_job_command(app, "watch", "Show a job's progress until it has ended", options);
+  command->footer(
+      "Example:\n  woodcock watch JOB\nExit codes: 0 done, 1 failed or cancelled, 3 ended with parts missing. Ctrl-C stops watching, not "
+      "the job.");
+  command->callback([options, &code] {
+    Service service(options->service);
+    const auto job = watch_job_on_terminal(service, options->job, options->json);
+    if (job) report(*job, options->json);
+    code = job ? exit_code(job->state()) : 1;
+  });
+}
+
+void add_fetch_command(CLI::App& app, int& code) {
+  struct Options : JobOptions {
+    FetchOptions fetch;
+  };
+  auto options = std::make_shared<Options>();
+  auto* command = add_job_command(app, "fetch", "Write a job's images as EXR with a PNG beside", options);
+  command->add_option("-o,--output", options->fetch.output,
+                      "EXR to write; #### stands for the frame's number; without it the job's name, which must not exist yet");
+  command->add_option("--frame", options->fetch.frame, "Only this frame");
+  command->add_flag("--partial", options->fetch.partial, "Take what is finished so far: pixels without samples stay black (exit code 3)");
+  command->footer("Examples:\n  woodcock fetch JOB -o cloud.exr\n  woodcock fetch JOB --partial -o preview.exr");
+  command->callback([options, &code] {
+    Service service(options->service);
+    options->fetch.quiet = options->json;
+    const Fetched fetched = fetch_frames(service, service.job(options->job), options->fetch);
+    if (options->json) fmt::print("{}\n", nlohmann::json{{"job_id", options->job}, {"images", fetched.frames}}.dump(2));
+    code = fetched.complete ? 0 : 3;
+  });
+}
+
+void add_cancel_command(CLI::App& app, int& code) {
+  auto options = std::make_shared<JobOptions>();
+  add_job_command(app, "cancel", "End a job; finished results are kept for later jobs", options)
+      ->footer("Example:\n  woodcock cancel JOB")
+      ->callback([options, &code] {
+        code = act<v1::CancelJobRequest, v1::CancelJobResponse>(*options, &v1::JobsService::Stub::CancelJob, {}, "cancelling");
+      });
+}
+
+void add_pause_command(CLI::App& app, int& code) {
+  auto options = std::make_shared<JobOptions>();
+  add_job_command(app, "pause", "Give a job no more workers; what runs may finish", options)
+      ->footer("Example:\n  woodcock pause JOB")
+      ->callback([options, &code] {
+        code = act<v1::PauseJobRequest, v1::PauseJobResponse>(*options, &v1::JobsService::Stub::PauseJob, {}, "pausing");
+      });
+}
+
+void add_resume_command(CLI::App& app, int& code) {
+  auto options = std::make_shared<JobOptions>();
+  add_job_command(app, "resume", "Go on with a paused job", options)->footer("Example:\n  woodcock resume JOB")->callback([options, &code] {
+    code = act<v1::ResumeJobRequest, v1::ResumeJobResponse>(*options, &v1::JobsService::Stub::ResumeJob, {}, "resuming");
+  });
+}
+
+void add_extend_command(CLI::App& app, int& code) {
+  struct Options : JobOptions {
+    int64_t samples = 0;
+  };
+  auto options = std::make_shared<Options>();
+  auto* command = add_job_command(app, "extend", "Raise a job's samples per pixel; only the difference is rendered", options);
+  command->add_option("--spp", options->samples, "The new total of samples per pixel")->required()->check(CLI::PositiveNumber);
+  command->footer("Example:\n  woodcock extend JOB --spp 1024");
+  command->callback([options, &code] {
+    v1::ExtendJobRequest request;
+    request.set_samples(options->samples);
+    code = act<v1::ExtendJobRequest, v1::ExtendJobResponse>(*options, &v1::JobsService::Stub::ExtendJob, request, "extending");
+  });
+}
+
+}  // namespace woodcock

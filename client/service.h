@@ -1,0 +1,61 @@
+// The client's side of the service: where the coordinator is, and its calls with deadlines.
+#pragma once
+
+#include <grpcpp/client_context.h>
+#include <CLI/CLI.hpp>
+
+#include <memory>
+#include <string>
+
+#include "rpc/channel.h"
+#include "rpc/limits.h"
+#include "rpc/status.h"
+#include "woodcock/v1/blobs_service.grpc.pb.h"
+#include "woodcock/v1/jobs_service.grpc.pb.h"
+
+namespace woodcock {
+
+struct ServiceOptions {
+  std::string coordinator = rpc::kDefaultAddress;
+};
+
+/// Adds --coordinator, which WOODCOCK_COORDINATOR presets.
+void add_service_options(CLI::App& command, ServiceOptions& options);
+
+/// A connected coordinator.
+class Service {
+ public:
+  /// Throws rpc::RpcError with a sentence for the user when nobody answers within 4 s.
+  explicit Service(const ServiceOptions& options);
+
+  v1::JobsService::Stub& jobs() { return *jobs_; }
+  v1::BlobsService::Stub& blobs() { return *blobs_; }
+  const std::string& address() const { return address_; }
+
+  /// A job with its frames. Throws rpc::RpcError.
+  v1::Job job(const std::string& job_id);
+
+  /// One call of JobsService that answers at once, e.g. call(&v1::JobsService::Stub::PauseJob, request, response, "pausing").
+  /// Repeats it for 30 s while the coordinator is away: all of them are idempotent. Throws rpc::RpcError.
+  template <typename Method, typename Request, typename Response>
+  void call(Method method, const Request& request, Response& response, const std::string& what,
+            std::chrono::milliseconds deadline = rpc::kCallDeadline) {
+    repeat(
+        [&] {
+          grpc::ClientContext context;
+          rpc::set_deadline(context, deadline);
+          return (jobs_.get()->*method)(&context, request, &response);
+        },
+        what);
+  }
+
+ private:
+  void repeat(const std::function<grpc::Status()>& attempt, const std::string& what);
+
+  std::string address_;
+  std::shared_ptr<grpc::Channel> channel_;
+  std::unique_ptr<v1::JobsService::Stub> jobs_;
+  std::unique_ptr<v1::BlobsService::Stub> blobs_;
+};
+
+}  // namespace woodcock
