@@ -9,5 +9,14 @@ namespace woodcock {
 void add_render_command(CLI::App& app, int& code);
 void add_merge_command(CLI::App& app, int& code);
 void add_explain_command(CLI::App& app, int& code);
+void add_submit_command(CLI::App& app, int& code);
+void add_jobs_command(CLI::App& app, int& code);
+void add_show_command(CLI::App& app, int& code);
+void add_watch_command(CLI::App& app, int& code);
+void add_fetch_command(CLI::App& app, int& code);
+void add_cancel_command(CLI::App& app, int& code);
+void add_pause_command(CLI::App& app, int& code);
+void add_resume_command(CLI::App& app, int& code);
+void add_extend_command(CLI::App& app, int& code);
 
 }  // namespace woodcock

@@ -20,6 +20,15 @@ int main(int argc, char** argv) {
   woodcock::add_render_command(app, code);
   woodcock::add_merge_command(app, code);
   woodcock::add_explain_command(app, code);
+  woodcock::add_submit_command(app, code);
+  woodcock::add_jobs_command(app, code);
+  woodcock::add_show_command(app, code);
+  woodcock::add_watch_command(app, code);
+  woodcock::add_fetch_command(app, code);
+  woodcock::add_cancel_command(app, code);
+  woodcock::add_pause_command(app, code);
+  woodcock::add_resume_command(app, code);
+  woodcock::add_extend_command(app, code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

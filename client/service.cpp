@@ -8,7 +8,7 @@
 namespace woodcock {
 namespace {
 
-constexpr std::chrono::seconds kConnect{4};
+constexpr std::chrono::seconds kConnect{3};
 constexpr std::chrono::seconds kPatience{30};
 
 }  // namespace

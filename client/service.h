@@ -25,7 +25,7 @@ void add_service_options(CLI::App& command, ServiceOptions& options);
 /// A connected coordinator.
 class Service {
  public:
-  /// Throws rpc::RpcError with a sentence for the user when nobody answers within 4 s.
+  /// Throws rpc::RpcError with a sentence for the user when nobody answers within 3 s.
   explicit Service(const ServiceOptions& options);
 
   v1::JobsService::Stub& jobs() { return *jobs_; }
