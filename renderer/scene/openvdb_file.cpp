@@ -17,6 +17,8 @@ std::optional<SparseGridFile> read_openvdb(const std::string& bytes, const std::
   try {
     openvdb::initialize();
     std::istringstream stream(bytes, std::ios::binary);
+    // OpenVDB does not look at the state of its stream: a file that is cut off would go on as zeros, or as counts read from nowhere.
+    stream.exceptions(std::ios::failbit | std::ios::badbit | std::ios::eofbit);
     // A stream has no file to come back to, so nothing is left to be loaded later.
     openvdb::io::Stream file(stream, false);
     for (const openvdb::GridBase::Ptr& base : *file.getGrids()) {

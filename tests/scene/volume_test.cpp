@@ -1,0 +1,226 @@
+#include <gmock/gmock.h>
+#include <nanovdb/util/GridBuilder.h>
+#include <nanovdb/util/IO.h>
+
+#include <cstring>
+#include <fstream>
+
+#include "renderer/scene/volume_files.h"
+#include "tests/scene/scene_folder.h"
+
+namespace woodcock {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+template <typename Kind>
+Kind medium(const std::string& text) {
+  return std::get<Kind>(read_world("MakeNamedMedium \"m\" \"string type\" " + text).media.at(0).kind);
+}
+std::string medium_error(const std::string& text) { return world_error("MakeNamedMedium \"m\" \"string type\" " + text); }
+
+TEST(Media, HomogeneousDefaultsAndScalesArePbrts) {
+  const auto plain = medium<HomogeneousDescription>("\"homogeneous\"");
+  EXPECT_EQ(plain.sigma_a, Rgb(1));
+  EXPECT_EQ(plain.sigma_s, Rgb(1));
+  EXPECT_EQ(plain.emission, Rgb(0));
+  const auto scaled = medium<HomogeneousDescription>(
+      "\"homogeneous\" \"rgb sigma_a\" [1 2 3] \"rgb sigma_s\" [0 1 0] \"float scale\" 2 \"rgb Le\" [1 0 0] \"float Lescale\" 4 \"float "
+      "g\" -.5");
+  EXPECT_EQ(scaled.sigma_a, Rgb(2, 4, 6));
+  EXPECT_EQ(scaled.sigma_s, Rgb(0, 2, 0));
+  EXPECT_EQ(scaled.emission, Rgb(4, 0, 0));
+  EXPECT_EQ(scaled.g, -.5f);
+  EXPECT_EQ(medium<HomogeneousDescription>("\"homogeneous\" \"string preset\" \"Wholemilk\"").sigma_s, Rgb(2.55f, 3.21f, 3.77f));
+}
+
+TEST(Media, ImpossibleOnesAreRefused) {
+  EXPECT_THAT(medium_error("\"homogeneous\" \"rgb sigma_a\" [-1 0 0]"), HasSubstr("at least 0"));
+  EXPECT_THAT(medium_error("\"homogeneous\" \"float g\" .99995"), HasSubstr("0.9999"));
+  EXPECT_NO_THROW(medium<HomogeneousDescription>("\"homogeneous\" \"float g\" .9999"));
+  EXPECT_THAT(medium_error("\"homogenous\""), HasSubstr("Did you mean \"homogeneous\"?"));
+  EXPECT_THAT(medium_error("\"homogeneous\" \"string preset\" \"milk\""), HasSubstr("Wholemilk"));
+  EXPECT_THAT(world_error("MakeNamedMedium \"m\""), HasSubstr("without \"string type\""));
+  EXPECT_THAT(world_error("MakeNamedMedium \"\" \"string type\" \"homogeneous\""), HasSubstr("vacuum"));
+}
+
+TEST(Media, UniformGridsKeepXFastest) {
+  const auto grid = medium<GridMediumDescription>(
+      "\"uniformgrid\" \"integer nx\" 2 \"integer ny\" 1 \"integer nz\" 2 \"float density\" [1 2 3 4] \"point3 p1\" [2 3 4] \"float "
+      "Lescale\" [1 1 1 0] \"rgb Le\" [1 2 3]");
+  const auto& dense = std::get<DenseGrid<float>>(*grid.density);
+  EXPECT_EQ(dense.at(1, 0, 0), 2);
+  EXPECT_EQ(dense.at(0, 0, 1), 3);
+  EXPECT_EQ(dense.p1, DVec3(2, 3, 4));
+  EXPECT_EQ(grid.emission, Rgb(1, 2, 3));
+  EXPECT_EQ(std::get<DenseGrid<float>>(*grid.emission_grid).values.back(), 0);
+}
+
+TEST(Media, BadDensitiesAreNamedByVoxel) {
+  const std::string grid = "\"uniformgrid\" \"integer nx\" 2 \"integer ny\" 1 \"integer nz\" 2 ";
+  EXPECT_THAT(medium_error(grid + "\"float density\" [1 2 3]"), HasSubstr("expected nx * ny * nz = 4"));
+  EXPECT_THAT(medium_error(grid + "\"float density\" [1 2 3 1e300]"), HasSubstr("voxel (1, 0, 1)"));
+  EXPECT_THAT(medium_error(grid), HasSubstr("without \"float density\""));
+  EXPECT_THAT(medium_error("\"uniformgrid\" \"integer nx\" 16384 \"integer ny\" 16384 \"integer nz\" 16384 \"float density\" [1]"),
+              HasSubstr("voxels"));
+  EXPECT_THAT(medium_error("\"uniformgrid\" \"float density\" [1] \"point3 p1\" [0 1 1]"), HasSubstr("axis 0"));
+  EXPECT_THAT(medium_error("\"uniformgrid\" \"float density\" [1] \"float temperature\" [1] \"rgb Le\" [1 1 1]"),
+              HasSubstr("both \"Le\" and \"temperature\""));
+}
+
+TEST(Media, NegativeDensitiesAreZeroAndSaidSo) {
+  std::vector<std::string> warnings;
+  const SceneDescription scene =
+      read_world("MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"integer nx\" 2 \"float density\" [-1 2]", collecting(warnings));
+  EXPECT_EQ(std::get<DenseGrid<float>>(*std::get<GridMediumDescription>(scene.media[0].kind).density).values[0], 0);
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_THAT(warnings[0], HasSubstr("1 negative values"));
+}
+
+TEST(Media, RgbGridsAndClouds) {
+  const auto grid = medium<RgbGridMediumDescription>("\"rgbgrid\" \"integer nx\" 2 \"rgb sigma_s\" [1 2 3 4 5 6] \"float scale\" 3");
+  EXPECT_FALSE(grid.sigma_a);
+  EXPECT_EQ(grid.sigma_s->at(1, 0, 0), Rgb(4, 5, 6));
+  EXPECT_EQ(grid.scale, 3);
+  EXPECT_THAT(medium_error("\"rgbgrid\" \"integer nx\" 2 \"rgb sigma_s\" [1 2 3 4 5 -6]"), HasSubstr("voxel (1, 0, 0)"));
+  EXPECT_THAT(medium_error("\"rgbgrid\""), HasSubstr("at least one"));
+  EXPECT_EQ(medium<CloudMediumDescription>("\"cloud\" \"float density\" 2").density, 2);
+}
+
+// --- NanoVDB files
+// ---------------------------------------------------------------------------------------------------------------------------
+
+/// A ball of voxels of value 1 + i/100 and an active tile far off, with voxel size 1/2.
+nanovdb::GridHandle<> ball(const std::string& name, float scale = 1) {
+  nanovdb::GridBuilder<float> builder(0.0f, nanovdb::GridClass::FogVolume);
+  auto accessor = builder.getAccessor();
+  for (int i = -5; i <= 5; ++i)
+    for (int j = -5; j <= 5; ++j)
+      for (int k = -5; k <= 5; ++k)
+        if (i * i + j * j + k * k <= 25) accessor.setValue(nanovdb::Coord(i, j, k), scale * (1 + 0.01f * static_cast<float>(i)));
+  return builder.getHandle<>(0.5, nanovdb::Vec3d(10, 20, 30), name);
+}
+
+/// The bytes of a file with one grid. NanoVDB seeks while it writes, which a string stream cannot do beyond its end.
+std::string file_of(const nanovdb::GridHandle<>& handle, nanovdb::io::Codec codec = nanovdb::io::Codec::NONE) {
+  const SceneFolder folder;
+  const std::string file = (folder.path() / "grid.nvdb").string();
+  nanovdb::io::writeGrid(file, handle, codec);
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+const SourceLocation kWhere{"s.pbrt", 3, 4};
+std::optional<SparseGridFile> load(const std::string& bytes, const std::string& name = "density",
+                                   GridMeaning meaning = GridMeaning::kDensity) {
+  return read_nanovdb(bytes, name, meaning, false, "v.nvdb", kWhere);
+}
+
+TEST(NanoVdb, ReadsPlainAndZipFilesAlike) {
+  const auto handle = ball("density");
+  for (const auto codec : {nanovdb::io::Codec::NONE, nanovdb::io::Codec::ZIP}) {
+    const auto file = load(file_of(handle, codec));
+    ASSERT_TRUE(file.has_value());
+    EXPECT_EQ(file->grid.index_min, IVec3(-5));
+    EXPECT_EQ(file->grid.index_max, IVec3(5));
+    EXPECT_FLOAT_EQ(file->grid.maximum, 1.05f);
+    EXPECT_EQ(DVec3(file->grid.medium_from_index * glm::dvec4(2, 0, 0, 1)), DVec3(11, 20, 30));
+    ASSERT_EQ(reinterpret_cast<uintptr_t>(file->grid.buffer.get()) % 32, 0u);
+    const auto* grid = reinterpret_cast<const nanovdb::FloatGrid*>(file->grid.buffer.get());
+    EXPECT_FLOAT_EQ(grid->tree().getValue(nanovdb::Coord(3, 0, 0)), 1.03f);
+    EXPECT_EQ(grid->tree().getValue(nanovdb::Coord(30, 0, 0)), 0);
+  }
+}
+
+TEST(NanoVdb, AGridOfAnotherNameIsNotThere) { EXPECT_FALSE(load(file_of(ball("smoke"))).has_value()); }
+
+TEST(NanoVdb, EveryTruncationIsAnError) {
+  for (const auto codec : {nanovdb::io::Codec::NONE, nanovdb::io::Codec::ZIP}) {
+    const std::string whole = file_of(ball("density"), codec);
+    for (size_t length = 1; length < whole.size(); length += length < 1000 ? 7 : 9973)
+      EXPECT_THAT(error_of([&] { load(whole.substr(0, length)); }), StartsWith("s.pbrt:3:4: NanoVDB file \"v.nvdb\"")) << length;
+  }
+}
+
+TEST(NanoVdb, DamagedFilesNeverReachOutsideTheBuffer) {
+  // Each 4 bytes of the headers and a sample of the rest are overwritten; reading must end in an error or in a grid that can be read
+  // everywhere.
+  const std::string whole = file_of(ball("density"));
+  size_t refused = 0, accepted = 0;
+  for (size_t at = 0; at + 4 <= whole.size(); at += at < 1100 ? 4 : 8192 + 4) {
+    for (const uint32_t value : {0u, 0xffffffffu}) {
+      std::string bytes = whole;
+      std::memcpy(bytes.data() + at, &value, sizeof(value));
+      try {
+        const auto file = load(bytes);
+        if (!file) continue;
+        ++accepted;
+        const auto* grid = reinterpret_cast<const nanovdb::FloatGrid*>(file->grid.buffer.get());
+        float sum = 0;
+        for (int i = -8; i <= 8; ++i)
+          for (int k = -8; k <= 8; ++k) sum += grid->tree().getValue(nanovdb::Coord(i, 0, k));
+        EXPECT_TRUE(std::isfinite(sum));
+      } catch (const SceneError&) {
+        ++refused;
+      }
+    }
+  }
+  EXPECT_GT(refused, 50u);
+  EXPECT_GT(accepted, 50u);
+}
+
+TEST(NanoVdb, ValuesThatAreNoNumbersAreRefusedWithTheirVoxel) {
+  nanovdb::GridBuilder<float> builder(0.0f, nanovdb::GridClass::FogVolume);
+  builder.getAccessor().setValue(nanovdb::Coord(1, 2, 3), std::numeric_limits<float>::quiet_NaN());
+  const auto bad = builder.getHandle<>(1.0, nanovdb::Vec3d(0), "density");
+  EXPECT_THAT(error_of([&] { load(file_of(bad)); }), AllOf(HasSubstr("(1, 2, 3)"), HasSubstr("not finite")));
+}
+
+TEST(NanoVdb, NegativeDensitiesBecomeZeroButTemperaturesStay) {
+  const std::string bytes = file_of(ball("density", -1));
+  const auto density = load(bytes);
+  EXPECT_GT(density->negative, 100u);
+  EXPECT_EQ(density->grid.maximum, 0);
+  const auto temperature = load(bytes, "density", GridMeaning::kTemperature);
+  EXPECT_EQ(temperature->negative, 0u);
+  EXPECT_LT(temperature->grid.maximum, 0);
+}
+
+TEST(NanoVdb, OtherKindsOfGridAreRefused) {
+  nanovdb::GridBuilder<float> level_set(3.0f, nanovdb::GridClass::LevelSet);
+  level_set.getAccessor().setValue(nanovdb::Coord(0, 0, 0), 1.0f);
+  EXPECT_THAT(error_of([&] { load(file_of(level_set.getHandle<>(1.0, nanovdb::Vec3d(0), "density"))); }), HasSubstr("fog volume"));
+  nanovdb::GridBuilder<float> background(3.0f, nanovdb::GridClass::FogVolume);
+  background.getAccessor().setValue(nanovdb::Coord(0, 0, 0), 1.0f);
+  EXPECT_THAT(error_of([&] { load(file_of(background.getHandle<>(1.0, nanovdb::Vec3d(0), "density"))); }), HasSubstr("background"));
+  std::string old = file_of(ball("density"));
+  const uint32_t version = 29u << 21;
+  std::memcpy(old.data() + 8, &version, sizeof(version));
+  EXPECT_THAT(error_of([&] { load(old); }), HasSubstr("version 29"));
+}
+
+TEST(NanoVdb, AMediumReadsDensityAndTemperature) {
+  const SceneFolder folder;
+  folder.write("fire.nvdb", file_of(ball("density")) + file_of(ball("temperature", 1000)));
+  const std::string text =
+      "WorldBegin MakeNamedMedium \"m\" \"string type\" \"nanovdb\" \"string filename\" \"fire.nvdb\" \"float Lescale\" .5 \"float "
+      "temperatureoffset\" 10 \"float temperaturescale\" 2";
+  const SceneDescription scene = folder.read(text);
+  const auto& grid = std::get<GridMediumDescription>(scene.media[0].kind);
+  EXPECT_FLOAT_EQ(std::get<SparseGrid>(*grid.temperature).maximum, 1050);
+  EXPECT_EQ(grid.emission, Rgb(1));
+  EXPECT_EQ(grid.emission_scale, .5f);
+  EXPECT_EQ(grid.temperature_offset, 10);
+  EXPECT_EQ(grid.temperature_scale, 2);
+  EXPECT_EQ(grid.temperature_cutoff, 100);
+  ReadOptions options;
+  options.skip_payload = true;
+  EXPECT_EQ(folder.read(text, options).digest, scene.digest);
+  folder.write("fire.nvdb", file_of(ball("smoke")));
+  EXPECT_THAT(error_of([&] { folder.read(text); }), AllOf(StartsWith("main.pbrt:1:"), HasSubstr("no grid \"density\"")));
+}
+
+}  // namespace
+}  // namespace woodcock
