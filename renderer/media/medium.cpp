@@ -39,13 +39,22 @@ class Checks {
     if (!(std::abs(g) < 1)) fail(fmt::format("g is {}; the mean cosine must lie between -1 and 1, both excluded", g));
     return g;
   }
+  /// As many values as voxels: a description read without its payload cannot be compiled.
+  template <typename T>
+  void complete(const DenseGrid<T>& grid, const char* name) const {
+    if (const auto expected = static_cast<size_t>(grid.size.x) * static_cast<size_t>(grid.size.y) * static_cast<size_t>(grid.size.z);
+        grid.values.size() != expected)
+      fail(fmt::format("the {} grid holds {} values for {} voxels", name, grid.values.size(), expected));
+  }
   void finite(const DenseGrid<float>& grid, const char* name) const {
+    complete(grid, name);
     if (!std::all_of(grid.values.begin(), grid.values.end(), [](float v) { return std::isfinite(v); }))
       fail(fmt::format("the {} grid holds a value that is not finite", name));
   }
   /// A copy of a grid in which negative values, which interpolation and filtering of simulations leave behind, are 0.
   template <typename T>
   DenseGrid<T> without_negatives(const DenseGrid<T>& grid, const char* name) const {
+    complete(grid, name);
     DenseGrid<T> result = grid;
     size_t negative = 0;
     for (T& value : result.values) {

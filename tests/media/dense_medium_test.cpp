@@ -58,6 +58,12 @@ TEST(Medium, values_without_meaning_are_refused_with_their_place) {
   EXPECT_THROW(make_medium(grid_medium(make_dense(IVec3(2), DVec3(0), DVec3(1), [](IVec3) { return kInf; }))), SceneError);
 }
 
+TEST(Medium, a_grid_without_its_values_is_refused) {
+  DenseGrid<float> grid = random_dense(IVec3(3), 1);
+  grid.values.pop_back();
+  EXPECT_THROW(make_medium(grid_medium(grid)), SceneError);
+}
+
 TEST(Medium, negative_densities_are_read_as_zero_and_reported) {
   std::vector<std::string> notes;
   const auto grid = make_dense(IVec3(2), DVec3(0), DVec3(1), [](IVec3 v) { return v.x == 0 ? -1.f : 1.f; });

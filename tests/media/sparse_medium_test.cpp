@@ -7,6 +7,7 @@
 #include <cstring>
 #include <glm/gtc/matrix_transform.hpp>
 
+#include "renderer/scene/colorimetry.h"
 #include "renderer/scene/scene_error.h"
 #include "tests/media/grids.h"
 
@@ -24,6 +25,7 @@ SparseGrid to_sparse(openvdb::FloatGrid& grid, const DMat4& medium_from_index = 
   const openvdb::CoordBBox box = grid.evalActiveVoxelBoundingBox();
   sparse.index_min = {box.min().x(), box.min().y(), box.min().z()};
   sparse.index_max = {box.max().x(), box.max().y(), box.max().z()};
+  for (auto it = grid.cbeginValueOn(); it; ++it) sparse.maximum = std::max(sparse.maximum, it.getValue());
   return sparse;
 }
 
@@ -148,6 +150,25 @@ TEST(SparseMedium, ends_at_the_index_box_from_the_first_sample_to_one_past_the_l
   float end = s->t1;
   while ((s = walk.next())) end = s->t1;
   EXPECT_EQ(end, 11);
+}
+
+TEST(SparseMedium, a_temperature_with_a_larger_box_moves_the_ends_of_the_medium_as_in_pbrt) {
+  openvdb::initialize();
+  auto density = openvdb::FloatGrid::create(0.0f), temperature = openvdb::FloatGrid::create(0.0f);
+  density->fill(openvdb::CoordBBox(openvdb::Coord(2), openvdb::Coord(9)), 1.0f);
+  temperature->fill(openvdb::CoordBBox(openvdb::Coord(0, 2, 2), openvdb::Coord(12, 9, 9)), 3000.0f);
+  GridMediumDescription d = grid_medium(to_sparse(*density), Rgb(1), Rgb(0));
+  d.emission = Rgb(1);
+  d.temperature_cutoff = 100;
+  d.temperature = std::make_shared<const FloatVolume>(to_sparse(*temperature));
+  const Medium m = make_medium(d);
+  EXPECT_EQ(m.density({1.5f, 5, 5}), 0.5f);  // along x the temperature's box is larger
+  EXPECT_EQ(m.density({0.5f, 5, 5}), 0);
+  EXPECT_EQ(m.density({5, 1.5f, 5}), 0);  // along y both begin at 2
+  EXPECT_TRUE(m.emits());
+  const Rgb want = blackbody_emission(3000);
+  EXPECT_NEAR(m.at({5, 5, 5}).emission.x, want.x, 1e-5 * want.x);
+  EXPECT_NEAR(m.at({1.5f, 5, 5}).emission.x, 0.5 * want.x, 1e-5 * want.x);
 }
 
 TEST(SparseMedium, N09_a_tree_without_active_voxels_is_vacuum) {
