@@ -123,8 +123,9 @@ std::vector<Scene> sphere(const Case& c, const MediumText& coefficients, double 
 std::vector<Scene> airlight(const Case& c) {
   const double sigma_s = c.get("sigma_s"), sigma_t = c.get("sigma_t"), reach = 40 / sigma_t;
   const MediumText coefficients{sigma_t - sigma_s, sigma_s, c.get("g"), 0};
-  const std::string light = fmt::format("LightSource \"point\" \"point3 from\" [ {0:.9g} 0 {1:.9g} ] \"rgb I\" [ {2:.9g} {2:.9g} {2:.9g} ]\n",
-                                        c.get("h"), c.get("s0"), c.get("I"));
+  const std::string light =
+      fmt::format("LightSource \"point\" \"point3 from\" [ {0:.9g} 0 {1:.9g} ] \"rgb I\" [ {2:.9g} {2:.9g} {2:.9g} ]\n", c.get("h"),
+                  c.get("s0"), c.get("I"));
   std::vector<Scene> scenes;
   for (const Container container : kContainers) {
     const std::string bounds = container == Container::kGrid ? boundary(1) + box(DVec3(-reach), DVec3(reach)) : "";
