@@ -29,6 +29,8 @@ int main(int argc, char** argv) {
   woodcock::add_pause_command(app, code);
   woodcock::add_resume_command(app, code);
   woodcock::add_extend_command(app, code);
+  woodcock::add_up_command(app, code);
+  woodcock::add_doctor_command(app, code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

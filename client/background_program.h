@@ -1,0 +1,45 @@
+// A program started beside this one, which ends with it.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace woodcock {
+
+/// Runs in a process group of its own, so that Ctrl-C reaches it through us only; gets SIGKILL when the thread that
+/// started it ends. Its output goes to a log file.
+class BackgroundProgram {
+ public:
+  /// `program` lies in the folder of this executable. Throws std::runtime_error when it cannot be started.
+  BackgroundProgram(const std::string& program, const std::vector<std::string>& arguments, const std::filesystem::path& log);
+  /// Kills what still runs.
+  ~BackgroundProgram();
+  BackgroundProgram(const BackgroundProgram&) = delete;
+  BackgroundProgram& operator=(const BackgroundProgram&) = delete;
+
+  const std::string& name() const { return name_; }
+  pid_t pid() const { return pid_; }
+  /// False once it has ended; `how` it did is then said by how_it_ended().
+  bool running();
+  std::string how_it_ended() const;
+  /// SIGTERM.
+  void ask_to_end();
+  /// The last lines of its log.
+  std::string last_output() const;
+
+ private:
+  std::string name_;
+  std::filesystem::path log_;
+  pid_t pid_ = -1;
+  std::optional<int> status_;
+};
+
+/// The folder of this executable.
+std::filesystem::path program_folder();
+
+}  // namespace woodcock

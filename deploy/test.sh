@@ -1,0 +1,64 @@
+#!/usr/bin/env bash
+# Builds everything and runs the tests. The last line is "N passed, N failed" (and ", N skipped" if any were).
+set -uo pipefail
+cd "$(dirname "$0")/.." || exit 1
+
+usage() {
+  cat << 'USAGE'
+usage: deploy/test.sh [--long] [--sanitizers]
+  --long        also the tests that take minutes
+  --sanitizers  build and run with AddressSanitizer and UndefinedBehaviorSanitizer instead
+Needs Debian 12; installs what is missing, as root or with sudo. Ends with exit code 0 only if tests ran and all passed.
+USAGE
+}
+
+preset=release
+exclude=(--label-exclude '^long$')
+for argument in "$@"; do
+  case "$argument" in
+    --long) exclude=() ;;
+    --sanitizers) preset=asan ;;
+    -h | --help)
+      usage
+      exit 0
+      ;;
+    *)
+      echo "test.sh: unknown argument $argument" >&2
+      usage >&2
+      exit 2
+      ;;
+  esac
+done
+
+give_up() {
+  echo "test.sh: $1" >&2
+  echo "0 passed, 1 failed"
+  exit 1
+}
+
+deploy/setup.sh || give_up "the set-up failed"
+cmake --preset "$preset" || give_up "the configuration failed"
+jobs=$(nproc)
+# A compiler process takes up to 1.5 GB.
+by_memory=$(($(awk '/MemAvailable/ {print $2}' /proc/meminfo) / 1500000))
+[ "$by_memory" -lt "$jobs" ] && jobs=$((by_memory > 0 ? by_memory : 1))
+cmake --build "build/$preset" -j "$jobs" || give_up "the build failed"
+
+report="build/$preset/test-report.xml"
+rm -f "$report"
+ctest --test-dir "build/$preset" -j 2 --output-on-failure --output-junit test-report.xml "${exclude[@]}"
+ctest_code=$?
+[ -s "$report" ] || give_up "ctest wrote no report"
+
+count() { grep -o -m 1 "$1=\"[0-9]*\"" "$report" | head -n 1 | tr -dc '0-9'; }
+total=$(count tests)
+failed=$(count failures)
+skipped=$(($(count skipped) + $(count disabled)))
+passed=$((total - failed - skipped))
+code=0
+if [ "$ctest_code" -ne 0 ] || [ "$failed" -ne 0 ] || [ "$passed" -le 0 ]; then code=1; fi
+if [ "$code" -ne 0 ] && [ "$failed" -eq 0 ]; then failed=1; fi
+line="$passed passed, $failed failed"
+[ "$skipped" -gt 0 ] && line="$line, $skipped skipped"
+echo "$line"
+exit "$code"
