@@ -11,7 +11,9 @@
 #include "client/interrupt.h"
 #include "client/local_render.h"
 #include "client/output_path.h"
+#include "client/price.h"
 #include "client/progress_line.h"
+#include "renderer/accuracy/error.h"
 #include "renderer/film/exr.h"
 #include "renderer/film/png.h"
 #include "renderer/film/tile.h"
@@ -121,7 +123,11 @@ int run(const RenderOptions& options) {
   const std::string digest = digest_of_pixels(frame.header(), result.nodes);
 
   const FrameHeader& header = frame.header();
+  const ErrorEstimate error = estimate_error(output);
+  const double seconds_per_sample = render_seconds / static_cast<double>(std::max<int64_t>(1, result.samples.end - samples.begin));
   if (options.json) {
+    nlohmann::json accuracy = nlohmann::json::object();
+    for (const auto& [key, value] : error_fields(error)) accuracy[key] = value;
     nlohmann::json j{{"output", output.string()},
                      {"png", png.string()},
                      {"complete", result.complete},
@@ -131,6 +137,7 @@ int run(const RenderOptions& options) {
                      {"load_seconds", load_seconds},
                      {"render_seconds", render_seconds},
                      {"pixel_digest", digest},
+                     {"error", accuracy},
                      {"counters", counters_json(progress.counters)}};
     fmt::print("{}\n", j.dump(2));
   } else {
@@ -138,6 +145,7 @@ int run(const RenderOptions& options) {
                result.samples.end, header.width, header.height, format_seconds(render_seconds),
                format_count(static_cast<double>(progress.samples) / std::max(1e-9, render_seconds)), threads);
     fmt::print("{}: the same picture to look at\n", png.string());
+    fmt::print("{}{}", format_error(error), format_price(error, seconds_per_sample));
   }
   report_health(progress.counters);
   if (!result.complete) {

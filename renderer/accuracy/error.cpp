@@ -139,8 +139,6 @@ std::string format_error(const ErrorEstimate& error) {
   text +=
       fmt::format("relative error {:.3g} % ± {:.2g} % (95 %); relative MSE {:.3g}; standard error {:.3g}\n",
                   100 * error.relative_error->value, 100 * error.relative_error->half_width, *error.relative_mse, *error.standard_error);
-  text += fmt::format("half the error costs 4 times the samples ({}), a quarter 16 times ({}), a tenth 100 times ({})\n",
-                      samples_for(error.samples, 0.5), samples_for(error.samples, 0.25), samples_for(error.samples, 0.1));
   if (error.firefly_share)
     text += fmt::format("{:.3g} % of the pixels owe more than a tenth of their value to one sample\n", 100 * *error.firefly_share);
   return text;

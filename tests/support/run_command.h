@@ -1,0 +1,102 @@
+// Runs a program and keeps what it said.
+#pragma once
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace woodcock::testing {
+
+struct CommandResult {
+  int exit_code = -1;  ///< 128 + signal where one ended it
+  std::string out, err;
+  double seconds = 0;
+};
+
+/// Runs `arguments` (the program first) in `folder` and waits at most `deadline`; a program that takes longer is killed
+/// and the exit code says so. `while_running`, when given, is called once after the start with the process id.
+template <typename WhileRunning>
+CommandResult run_command(const std::vector<std::string>& arguments, const std::filesystem::path& folder, std::chrono::seconds deadline,
+                          WhileRunning&& while_running) {
+  int out[2], err[2];
+  if (pipe2(out, O_CLOEXEC) != 0 || pipe2(err, O_CLOEXEC) != 0) return {};
+  const auto start = std::chrono::steady_clock::now();
+  const pid_t child = fork();
+  if (child == 0) {
+    dup2(out[1], STDOUT_FILENO);
+    dup2(err[1], STDERR_FILENO);
+    if (chdir(folder.c_str()) != 0) _exit(126);
+    std::vector<char*> argv;
+    for (const auto& a : arguments) argv.push_back(const_cast<char*>(a.c_str()));
+    argv.push_back(nullptr);
+    execv(argv[0], argv.data());
+    _exit(127);
+  }
+  close(out[1]);
+  close(err[1]);
+  while_running(child);
+  CommandResult result;
+  pollfd fds[2] = {{out[0], POLLIN, 0}, {err[0], POLLIN, 0}};
+  int open_pipes = 2;
+  bool killed = false;
+  while (open_pipes > 0) {
+    poll(fds, 2, 100);
+    if (!killed && std::chrono::steady_clock::now() - start > deadline) {
+      kill(child, SIGKILL);
+      killed = true;
+    }
+    for (int i = 0; i < 2; ++i) {
+      if ((fds[i].revents & (POLLIN | POLLHUP)) == 0) continue;
+      char buffer[4096];
+      const ssize_t n = read(fds[i].fd, buffer, sizeof buffer);
+      if (n > 0) {
+        (i == 0 ? result.out : result.err).append(buffer, static_cast<size_t>(n));
+      } else {
+        close(fds[i].fd);
+        fds[i].fd = -1;
+        --open_pipes;
+      }
+    }
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+inline CommandResult run_command(const std::vector<std::string>& arguments, const std::filesystem::path& folder = ".",
+                                 std::chrono::seconds deadline = std::chrono::seconds(120)) {
+  return run_command(arguments, folder, deadline, [](pid_t) {});
+}
+
+/// A fresh folder that goes with the test.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "woodcock-test-XXXXXX").string();
+    if (mkdtemp(pattern.data()) == nullptr) ADD_FAILURE() << "cannot create a folder under " << pattern;
+    path_ = pattern;
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace woodcock::testing
