@@ -214,7 +214,7 @@ class Path {
     const SurfacePoint s = world_.geometry.surface(hit, ray_);
     const SurfaceInfo& info = world_.surfaces[static_cast<size_t>(hit.shape)];
     const TextureContext context{s.uv, s.p};
-    if (info.passes_shadows && !info.is_interface && crossing_.uniform() >= world_.textures.eval(info.alpha, context)) {
+    if (info.has_alpha && crossing_.uniform() >= world_.textures.eval(info.alpha, context)) {
       ray_.o = offset_origin(s, ray_.d);
       return true;
     }

@@ -70,18 +70,13 @@ Rgb shadow_transmittance(const World& world, Ray ray, float t_max, int medium, T
     const SurfaceInfo& info = world.surfaces[static_cast<size_t>(hit->shape)];
     if (!info.passes_shadows) return Rgb(0);
     const SurfacePoint s = world.geometry.surface(*hit, ray);
-    bool crosses_boundary = info.is_interface;
-    if (!info.is_interface) {
-      const TextureContext context{s.uv, s.p};
-      const float alpha = world.textures.eval(info.alpha, context);
-      if (random.uniform() < alpha) {
-        if (world.materials.bsdf(info.material, context, random)) return Rgb(0);
-        crosses_boundary = true;  // a mix that chose its interface here
-      }
-    }
+    const TextureContext context{s.uv, s.p};
+    const bool missed = info.has_alpha && random.uniform() >= world.textures.eval(info.alpha, context);
+    // A mix may choose its interface here.
+    if (!missed && !info.is_interface && world.materials.bsdf(info.material, context, random)) return Rgb(0);
     estimate = through_medium(estimate, static_cast<float>(hit->t));
     if (is_black(estimate)) return estimate;
-    if (crosses_boundary) medium = world.medium_after(info, s.ng, ray.d, medium);
+    if (!missed) medium = world.medium_after(info, s.ng, ray.d, medium);
     ray.o = offset_origin(s, ray.d);
     left -= hit->t;
     if (left <= 0) return estimate;

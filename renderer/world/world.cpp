@@ -57,9 +57,9 @@ void describe_surface(const SceneDescription& scene, const ShapeDescription& sha
   info.inside = shape.media.inside;
   info.outside = shape.media.outside;
   info.is_interface = shape.material == kNone || materials.is_interface(shape.material);
-  const bool opaque = shape.alpha.texture == kNone && shape.alpha.value >= 1;
+  info.has_alpha = shape.alpha.texture != kNone || shape.alpha.value < 1;
   const bool mix = !info.is_interface && std::holds_alternative<MixDescription>(scene.materials[static_cast<size_t>(shape.material)].kind);
-  info.passes_shadows = info.is_interface || !opaque || mix;
+  info.passes_shadows = info.is_interface || info.has_alpha || mix;
 }
 
 }  // namespace

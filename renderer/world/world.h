@@ -25,6 +25,7 @@ namespace woodcock {
 struct SurfaceInfo {
   int material = kNone;
   FloatParameter alpha{1, kNone};
+  bool has_alpha = false;  ///< alpha may be below one: a ray that misses it meets nothing, not even a boundary
   int light = kNone;
   bool is_boundary = false;  ///< has a MediumInterface of its own
   int inside = kNone, outside = kNone;
