@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "renderer/transport/tentative_collisions.h"
 #include "renderer/transport/transmittance.h"
 
 namespace woodcock {
@@ -141,46 +142,43 @@ class Path {
       ended_ = is_black(beta_);
       return std::nullopt;
     }
-    MajorantWalk walk(medium, ray_, t_max);
-    while (const auto segment = walk.next()) {
-      const float majorant = segment->sigma, inverse = 1 / majorant;
-      float t = segment->t0;
-      while ((t += flight_.exponential() * inverse) < segment->t1) {
-        ++count_.medium_lookups;
-        const MediumPoint m = medium.at(ray_.at(t));
-        if (medium.emits()) add(m.emission * inverse);
-        Rgb sigma_n = Rgb(majorant) - m.sigma_t();
-        for (int c = 0; c < 3; ++c) {
-          if (sigma_n[c] < 0) {
-            // Rounding of the interpolation is no violation; the bound carries an allowance for it.
-            if (sigma_n[c] < -1e-4f * majorant) ++count_.majorant_violations;
-            sigma_n[c] = 0;
-          }
+    TentativeCollisions collisions(medium, ray_, t_max, flight_);
+    while (collisions.next()) {
+      ++count_.medium_lookups;
+      const float majorant = collisions.majorant(), inverse = 1 / majorant;
+      const MediumPoint m = medium.at(ray_.at(collisions.t()));
+      if (medium.emits()) add(m.emission * inverse);
+      Rgb sigma_n = Rgb(majorant) - m.sigma_t();
+      for (int c = 0; c < 3; ++c) {
+        if (sigma_n[c] < 0) {
+          // Rounding of the interpolation is no violation; the bound carries an allowance for it.
+          if (sigma_n[c] < -1e-4f * majorant) ++count_.majorant_violations;
+          sigma_n[c] = 0;
         }
-        const Rgb sigma_s = scatters ? m.sigma_s : Rgb(0);
-        const float hero_sum = sigma_s[hero_] + sigma_n[hero_];
-        const float q = hero_sum > 0 ? sigma_s[hero_] / hero_sum : 0;
-        const bool real = scatters && flight_.uniform() < q;
-        const float probability = real ? q : 1 - q;
-        if (!(probability > 0)) {
-          // Nothing scatters and nothing is null here: the hero channel is absorbed.
-          ended_ = true;
-          return std::nullopt;
-        }
-        beta_ *= (real ? sigma_s : sigma_n) * (inverse / probability);
-        if (world_.has_chromatic_media) {
-          for (int c = 0; c < 3; ++c) {
-            const float sum = sigma_s[c] + sigma_n[c];
-            const float qc = sum > 0 ? sigma_s[c] / sum : 0;
-            channel_pdf_[c] *= (real ? qc : 1 - qc) / probability;
-          }
-        }
-        if (is_black(beta_)) {
-          ended_ = true;
-          return std::nullopt;
-        }
-        if (real) return t;
       }
+      const Rgb sigma_s = scatters ? m.sigma_s : Rgb(0);
+      const float hero_sum = sigma_s[hero_] + sigma_n[hero_];
+      const float q = hero_sum > 0 ? sigma_s[hero_] / hero_sum : 0;
+      const bool real = scatters && flight_.uniform() < q;
+      const float probability = real ? q : 1 - q;
+      if (!(probability > 0)) {
+        // Nothing scatters and nothing is null here: the hero channel is absorbed.
+        ended_ = true;
+        return std::nullopt;
+      }
+      beta_ *= (real ? sigma_s : sigma_n) * (inverse / probability);
+      if (world_.has_chromatic_media) {
+        for (int c = 0; c < 3; ++c) {
+          const float sum = sigma_s[c] + sigma_n[c];
+          const float qc = sum > 0 ? sigma_s[c] / sum : 0;
+          channel_pdf_[c] *= (real ? qc : 1 - qc) / probability;
+        }
+      }
+      if (is_black(beta_)) {
+        ended_ = true;
+        return std::nullopt;
+      }
+      if (real) return collisions.t();
     }
     return std::nullopt;
   }

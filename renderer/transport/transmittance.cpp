@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "renderer/transport/tentative_collisions.h"
+
 namespace woodcock {
 namespace {
 
@@ -26,23 +28,20 @@ Rgb attenuation(Rgb sigma, double t) {
 Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, Stream& random, PathCounters& count) {
   if (medium.is_homogeneous()) return attenuation(medium.homogeneous().sigma_t(), t_max);
   Rgb estimate{1};
-  MajorantWalk walk(medium, ray, t_max);
-  while (const auto segment = walk.next()) {
-    const float inverse = 1 / segment->sigma;
-    float t = segment->t0;
-    while ((t += random.exponential() * inverse) < segment->t1) {
-      ++count.medium_lookups;
-      const Vec3 p = ray.at(t);
-      if (medium.is_grey()) {
-        estimate *= 1 - medium.grey_sigma_t(p) * inverse;
-      } else {
-        estimate *= Rgb(1) - medium.sigma_t(p) * inverse;
-      }
-      const float largest = max_component(glm::abs(estimate));
-      if (largest < kRouletteThreshold) {
-        if (largest == 0 || random.uniform() >= kRouletteSurvival) return Rgb(0);
-        estimate *= 1 / kRouletteSurvival;
-      }
+  TentativeCollisions collisions(medium, ray, t_max, random);
+  while (collisions.next()) {
+    ++count.medium_lookups;
+    const Vec3 p = ray.at(collisions.t());
+    const float inverse = 1 / collisions.majorant();
+    if (medium.is_grey()) {
+      estimate *= 1 - medium.grey_sigma_t(p) * inverse;
+    } else {
+      estimate *= Rgb(1) - medium.sigma_t(p) * inverse;
+    }
+    const float largest = max_component(glm::abs(estimate));
+    if (largest < kRouletteThreshold) {
+      if (largest == 0 || random.uniform() >= kRouletteSurvival) return Rgb(0);
+      estimate *= 1 / kRouletteSurvival;
     }
   }
   return estimate;
