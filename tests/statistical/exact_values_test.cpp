@@ -33,7 +33,7 @@ const std::vector<Scene>& scenes() {
 /// Samples per pixel, as a power of two: what each case needs for its standard error.
 int log2_samples(const std::string& name) {
   static const std::map<std::string, int> kByCase = {
-      {"P01.R", 12}, {"P01.T", 9},  {"P02.R", 11}, {"P02.T", 8},  {"P03.R", 9},  {"P03.T", 9},  {"P04.R", 9}, {"P04.T", 10}, {"P05.R", 11},
+      {"P01.R", 12}, {"P01.T", 9},  {"P02.R", 11}, {"P02.T", 8},  {"P03.R", 9},  {"P03.T", 9},  {"P04.R", 9}, {"P04.T", 11}, {"P05.R", 11},
       {"P05.T", 10}, {"P06.g", 12}, {"P06.h", 4},  {"P07.g", 14}, {"P08.g", 11}, {"P09.g", 8},  {"P09.h", 4}, {"P10.g", 8},  {"P10.h", 4},
       {"P11.g", 7},  {"P11.h", 7},  {"P12.g", 9},  {"P12.h", 9},  {"P13.R", 10}, {"P14.g", 10}, {"P14.h", 9}, {"P15.s", 9}};
   return kByCase.at(name.substr(0, 5));
