@@ -15,6 +15,9 @@ void write_fire(const std::string& folder);
 /// island.ply: a mountainous island, z up, the sea at z = 0, 8 units across; normals and uv.
 void write_island(const std::string& folder);
 
+/// island.png: its colours by height and slope (sand, grass, forest, rock, snow), 8-bit sRGB.
+void write_island_colours(const std::string& folder);
+
 /// sky.exr: equal-area octahedral environment, +z up: a clear sky with a low sun towards −x −y.
 void write_sky(const std::string& folder);
 

@@ -1,4 +1,4 @@
-// The environment image and the texture of the example scenes.
+// The environment image and the textures of the example scenes.
 #include <OpenImageIO/imageio.h>
 
 #include <stdexcept>
@@ -6,6 +6,7 @@
 
 #include "scenes/generate/generators.h"
 #include "scenes/generate/noise.h"
+#include "scenes/generate/terrain.h"
 
 namespace woodcock::generate {
 namespace {
@@ -15,6 +16,7 @@ void write_image(const std::string& path, int width, int height, const std::vect
   auto output = OIIO::ImageOutput::create(path);
   OIIO::ImageSpec spec(width, height, 3, stored);
   spec.attribute("compression", "zip");
+  spec.attribute("DateTime", "2026:01:01 00:00:00");  // without one the library writes the time of day
   if (!output || !output->open(path, spec) || !output->write_image(OIIO::TypeDesc::FLOAT, values.data()) || !output->close())
     throw std::runtime_error("cannot write " + path + ": " + (output ? output->geterror() : OIIO::geterror()));
 }
@@ -83,6 +85,28 @@ void write_tiles(const std::string& folder) {
       for (int c = 0; c < 3; ++c) values.push_back(static_cast<float>((1 - t) * kGround[c] + t * kLine[c]));
     }
   write_image(folder + "/tiles.png", kSide, kSide, values, OIIO::TypeDesc::UINT8);
+}
+
+void write_island_colours(const std::string& folder) {
+  constexpr int kSide = 256;
+  constexpr uint64_t kSeed = 0x151b;
+  const DVec3 kSand{0.80, 0.73, 0.55}, kGrass{0.40, 0.47, 0.22}, kForest{0.22, 0.33, 0.15}, kRock{0.44, 0.40, 0.37},
+      kSnow{0.95, 0.95, 0.97};
+  const auto blend = [](DVec3 a, DVec3 b, double t) { return a + t * (b - a); };
+  std::vector<float> values;
+  for (int row = 0; row < kSide; ++row)
+    for (int column = 0; column < kSide; ++column) {
+      // The first row of an image is at v = 1.
+      const double x = ((column + 0.5) / kSide - 0.5) * kIslandExtent, y = (0.5 - (row + 0.5) / kSide) * kIslandExtent;
+      const double patches = fractal_noise(DVec3(3 * x, 3 * y, 0.5), 4, kSeed), h = island_height(x, y) + 0.03 * patches;
+      DVec3 colour = blend(kSand, kGrass, smoothstep(0.02, 0.07, h));
+      colour = blend(colour, kForest, smoothstep(0.07, 0.16, h) * smoothstep(-0.4, 0.5, patches));
+      const double steep = 1 - island_normal(x, y, 0.03).z;
+      colour = blend(colour, kRock, std::fmax(smoothstep(0.14, 0.28, steep), smoothstep(0.38, 0.58, h)));
+      colour = blend(colour, kSnow, smoothstep(0.52, 0.68, h - 0.35 * steep));
+      for (int c = 0; c < 3; ++c) values.push_back(static_cast<float>(colour[c] * (1 + 0.06 * patches)));
+    }
+  write_image(folder + "/island.png", kSide, kSide, values, OIIO::TypeDesc::UINT8);
 }
 
 }  // namespace woodcock::generate

@@ -18,6 +18,7 @@ void write_all(const std::string& folder) {
   write_cloud(folder);
   write_fire(folder);
   write_island(folder);
+  write_island_colours(folder);
   write_sky(folder);
   write_tiles(folder);
   write_grids(folder);
