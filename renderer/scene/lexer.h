@@ -19,7 +19,10 @@ struct Token {
 /// One pass over a text that must outlive the lexer. `#` starts a comment that ends with the line.
 class Lexer {
  public:
-  Lexer(std::string_view text, std::string file_name) : text_(text), file_(std::move(file_name)) {}
+  Lexer(std::string_view text, std::string file_name) : text_(text), file_(std::move(file_name)) {
+    // The mark some editors put in front of UTF-8.
+    if (text_.starts_with("\xef\xbb\xbf")) text_.remove_prefix(3);
+  }
 
   /// Throws SceneError for an unterminated string, an unknown escape or a control character.
   Token next();

@@ -472,9 +472,14 @@ void SceneBuilder::resolve_interface(MediumInterfaceDescription& media) const {
   media.outside = medium_references_.target(media.outside);
 }
 
-void SceneBuilder::resolve_shape(ShapeDescription& shape) const {
+void SceneBuilder::resolve_shape(ShapeDescription& shape) {
   shape.material = material_references_.target(shape.material);
   resolve_interface(shape.media);
+  if (shape.area_light &&
+      std::holds_alternative<InterfaceDescription>(context_.scene.materials[static_cast<size_t>(shape.material)].kind)) {
+    context_.ignore(shape.where, "an area light on a shape of material \"interface\" (pbrt-v4 lets it emit nothing either)");
+    shape.area_light.reset();
+  }
   const int interior = interior_media_[static_cast<size_t>(shape.material)];
   if (interior == kNone) return;
   shape.media.inside = interior;

@@ -112,7 +112,7 @@ class SceneBuilder {
   int add_material(const std::string& name, PendingMaterial pending, const SourceLocation& where);
   void build_materials();
   void check_mixes() const;
-  void resolve_shape(ShapeDescription& shape) const;
+  void resolve_shape(ShapeDescription& shape);
   void resolve_interface(MediumInterfaceDescription& media) const;
   void warn_about_surface_integrator();
 

@@ -2,7 +2,15 @@
 
 namespace woodcock {
 
+namespace {
+/// Messages quote the file, and a hostile file may hold a name of a gigabyte.
+std::string bounded(const std::string& text) {
+  constexpr size_t kLongest = 4000;
+  return text.size() <= kLongest ? text : text.substr(0, kLongest) + " …";
+}
+}  // namespace
+
 SceneError::SceneError(const SourceLocation& where, const std::string& message)
-    : std::runtime_error(where.file + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) + ": " + message) {}
+    : std::runtime_error(bounded(where.file + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) + ": " + message)) {}
 
 }  // namespace woodcock

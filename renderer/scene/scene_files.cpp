@@ -9,9 +9,9 @@
 #include <cstring>
 #include <functional>
 
+#include "renderer/core/sha256.h"
 #include "renderer/scene/limits.h"
 #include "renderer/scene/scene_error.h"
-#include "renderer/core/sha256.h"
 
 namespace woodcock {
 

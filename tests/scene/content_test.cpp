@@ -271,6 +271,16 @@ TEST(Lights, AreaLightsBelongToTheShapesThatFollow) {
   EXPECT_EQ(scene.shapes[1].area_light->power, 9);
 }
 
+TEST(Lights, InterfacesAndInstancesEmitNothingAsInPbrt) {
+  std::vector<std::string> warnings;
+  const SceneDescription scene =
+      read_world("AreaLightSource \"diffuse\" ObjectBegin \"o\" Shape \"sphere\" ObjectEnd Material \"interface\" Shape \"sphere\"",
+                 collecting(warnings));
+  EXPECT_FALSE(scene.objects[0].shapes[0].area_light);
+  EXPECT_FALSE(scene.shapes[0].area_light);
+  EXPECT_EQ(scene.ignored.size(), 2u);
+}
+
 TEST(Lights, WrongOnesAreRefused) {
   EXPECT_THAT(world_error("LightSource \"projection\""), HasSubstr("not supported"));
   EXPECT_THAT(world_error("LightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]"), HasSubstr("portal"));

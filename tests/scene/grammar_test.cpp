@@ -50,6 +50,12 @@ TEST(Grammar, OldNamesOfTypesMeanTheSame) {
   EXPECT_EQ(std::get<PointLightDescription>(scene.lights[0].kind).position, DVec3(1, 2, 3));
 }
 
+TEST(Grammar, AByteOrderMarkIsNoDirective) { EXPECT_EQ(read_text("\xef\xbb\xbfWorldBegin Shape \"sphere\"").shapes.size(), 1u); }
+
+TEST(Grammar, MessagesStayShortHoweverLongTheNames) {
+  EXPECT_LT(world_error("NamedMaterial \"" + std::string(1000000, 'x') + "\" Shape \"sphere\"").size(), 5000u);
+}
+
 TEST(Grammar, NumbersAreStrict) {
   double value = 0;
   for (const char* good : {"1", "-1", "+1", ".5", "1.", "1e5", "1E-5", "-0"}) EXPECT_TRUE(parse_number(good, value)) << good;
