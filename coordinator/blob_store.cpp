@@ -1,0 +1,243 @@
+#include "coordinator/blob_store.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+
+#include "renderer/film/sha256.h"
+
+namespace woodcock::coordinator {
+namespace fs = std::filesystem;
+namespace {
+
+[[noreturn]] void fail(const std::string& what, int error) {
+  const auto kind = error == ENOSPC || error == EDQUOT || error == EFBIG ? BlobError::Kind::NoSpace : BlobError::Kind::Io;
+  throw BlobError(kind, what + ": " + std::strerror(error));
+}
+
+void sync_path(const std::string& path, int flags) {
+  const int fd = ::open(path.c_str(), flags | O_CLOEXEC);
+  if (fd < 0) fail("opening " + path, errno);
+  const int result = ::fsync(fd);
+  const int error = errno;
+  ::close(fd);
+  if (result != 0) fail("fsync of " + path, error);
+}
+
+/// Feeds `hash` the first `limit` bytes of the file. Returns how many there were.
+int64_t hash_file(const std::string& path, Sha256& hash, int64_t limit = INT64_MAX) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) fail("opening " + path, errno);
+  std::string buffer(1 << 20, '\0');
+  int64_t total = 0;
+  while (total < limit) {
+    const ssize_t n = ::read(fd, buffer.data(), static_cast<size_t>(std::min<int64_t>(static_cast<int64_t>(buffer.size()), limit - total)));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) {
+      const int error = errno;
+      ::close(fd);
+      fail("reading " + path, error);
+    }
+    if (n == 0) break;
+    hash.raw(buffer.data(), static_cast<size_t>(n));
+    total += n;
+  }
+  ::close(fd);
+  return total;
+}
+
+std::optional<int64_t> file_size(const std::string& path) {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return std::nullopt;
+  return status.st_size;
+}
+
+}  // namespace
+
+struct BlobStore::Upload::State {
+  Sha256 hash;
+};
+
+BlobStore::BlobStore(const BlobStoreOptions& options, Time now) : options_(options), started_(now) {
+  std::error_code error;
+  fs::remove_all(options.dir + "/temporary", error);
+  for (const char* name : {"/blobs", "/uploads", "/temporary"}) {
+    fs::create_directories(options.dir + name, error);
+    if (error) throw BlobError(BlobError::Kind::Io, "cannot make the folder " + options.dir + name + ": " + error.message());
+  }
+}
+
+std::string BlobStore::path(const std::string& digest) const { return options_.dir + "/blobs/" + digest.substr(0, 2) + "/" + digest; }
+std::string BlobStore::temporary(const std::string& name) const { return options_.dir + "/temporary/" + name; }
+std::optional<int64_t> BlobStore::size(const std::string& digest) const { return file_size(path(digest)); }
+bool BlobStore::contains(const std::string& digest) const { return size(digest).has_value(); }
+
+void BlobStore::pin(const std::string& digest, Time now) {
+  const std::lock_guard lock(mutex_);
+  pins_[digest] = now + options_.pin;
+}
+
+std::string BlobStore::shortage() const {
+  struct statvfs status {};
+  if (::statvfs(options_.dir.c_str(), &status) != 0)
+    return "the coordinator's disk cannot be examined: " + std::string(std::strerror(errno));
+  const auto free = static_cast<int64_t>(status.f_bavail) * static_cast<int64_t>(status.f_frsize);
+  if (free >= options_.min_free_bytes) return {};
+  return "the coordinator's disk is full: " + std::to_string(free >> 20) + " MiB left, " + std::to_string(options_.min_free_bytes >> 20) +
+         " MiB are kept free";
+}
+
+void BlobStore::check_room(int64_t bytes) const {
+  struct statvfs status {};
+  if (::statvfs(options_.dir.c_str(), &status) != 0) fail("examining the disk", errno);
+  const auto free = static_cast<int64_t>(status.f_bavail) * static_cast<int64_t>(status.f_frsize);
+  if (free - bytes < options_.min_free_bytes)
+    throw BlobError(BlobError::Kind::NoSpace,
+                    "the coordinator's disk has no room for " + std::to_string(bytes) + " bytes: try again later");
+}
+
+std::pair<int64_t, bool> BlobStore::upload_offset(const std::string& digest) const {
+  if (const auto complete = size(digest)) return {*complete, true};
+  return {file_size(options_.dir + "/uploads/" + digest + ".part").value_or(0), false};
+}
+
+std::unique_ptr<BlobStore::Upload> BlobStore::begin_upload(const std::string& digest, int64_t total, int64_t offset, Time now) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!uploading_.insert(digest).second) throw BlobError(BlobError::Kind::Busy, "another upload of this blob is running");
+    pins_[digest] = now + options_.pin;
+  }
+  std::unique_ptr<Upload> upload;
+  try {
+    check_room(total - offset);
+    upload.reset(new Upload(*this, digest, total, offset));
+  } catch (...) {
+    const std::lock_guard lock(mutex_);
+    uploading_.erase(digest);
+    throw;
+  }
+  return upload;
+}
+
+BlobStore::Upload::Upload(BlobStore& store, std::string digest, int64_t total, int64_t offset)
+    : store_(store),
+      digest_(std::move(digest)),
+      path_(store.options_.dir + "/uploads/" + digest_ + ".part"),
+      total_(total),
+      state_(std::make_unique<State>()) {
+  const int64_t there = file_size(path_).value_or(0);
+  // Offset 0 begins again, whatever is there.
+  if (offset != 0 && offset != there)
+    throw BlobError(BlobError::Kind::WrongOffset,
+                    "the stored part ends at byte " + std::to_string(there) + ", not at " + std::to_string(offset));
+  if (offset > 0) hash_file(path_, state_->hash, offset);
+  fd_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | (offset == 0 ? O_TRUNC : 0), 0644);
+  if (fd_ < 0) fail("opening " + path_, errno);
+  stored_ = offset;
+}
+
+BlobStore::Upload::~Upload() {
+  if (fd_ >= 0) ::close(fd_);
+  const std::lock_guard lock(store_.mutex_);
+  store_.uploading_.erase(digest_);
+}
+
+void BlobStore::Upload::append(std::string_view bytes, Time now) {
+  if (stored_ + static_cast<int64_t>(bytes.size()) > total_) {
+    ::unlink(path_.c_str());
+    throw BlobError(BlobError::Kind::Damaged, "more bytes than announced");
+  }
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(fd_, bytes.data(), bytes.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) fail("writing the upload", errno);
+    state_->hash.raw(bytes.data(), static_cast<size_t>(n));
+    stored_ += n;
+    bytes.remove_prefix(static_cast<size_t>(n));
+  }
+  store_.pin(digest_, now);
+}
+
+bool BlobStore::Upload::finish(Time now) {
+  if (stored_ < total_) return false;
+  if (state_->hash.hex() != digest_) {
+    ::unlink(path_.c_str());
+    throw BlobError(BlobError::Kind::Damaged, "the content does not have the digest; the part was thrown away");
+  }
+  store_.publish(path_, digest_, now);
+  return true;
+}
+
+/// temporary file → fsync → rename → fsync of the directory.
+void BlobStore::publish(const std::string& from, const std::string& digest, Time now) {
+  sync_path(from, O_RDONLY);
+  const std::string to = path(digest), folder = options_.dir + "/blobs/" + digest.substr(0, 2);
+  std::error_code error;
+  if (fs::create_directory(folder, error)) sync_path(options_.dir + "/blobs", O_RDONLY | O_DIRECTORY);
+  if (::rename(from.c_str(), to.c_str()) != 0) fail("renaming " + from, errno);
+  sync_path(folder, O_RDONLY | O_DIRECTORY);
+  pin(digest, now);
+}
+
+std::string BlobStore::adopt(const std::string& temporary_path, Time now) {
+  Sha256 hash;
+  hash_file(temporary_path, hash);
+  const std::string digest = hash.hex();
+  publish(temporary_path, digest, now);
+  return digest;
+}
+
+std::string BlobStore::read(const std::string& digest, int64_t max_bytes) const {
+  const auto bytes = size(digest);
+  if (!bytes) throw BlobError(BlobError::Kind::NotFound, "there is no blob " + digest);
+  if (*bytes > max_bytes) throw BlobError(BlobError::Kind::Damaged, "blob " + digest + " is larger than allowed here");
+  std::string content(static_cast<size_t>(*bytes), '\0');
+  const int fd = ::open(path(digest).c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) fail("opening blob " + digest, errno);
+  size_t done = 0;
+  while (done < content.size()) {
+    const ssize_t n = ::read(fd, content.data() + done, content.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) break;
+    done += static_cast<size_t>(n);
+  }
+  ::close(fd);
+  if (Sha256().raw(content.data(), done).hex() != digest)
+    throw BlobError(BlobError::Kind::Damaged, "blob " + digest + " is damaged at rest");
+  return content;
+}
+
+bool BlobStore::verify(const std::string& digest) const {
+  if (!contains(digest)) return false;
+  Sha256 hash;
+  hash_file(path(digest), hash);
+  return hash.hex() == digest;
+}
+
+void BlobStore::remove(const std::string& digest) { ::unlink(path(digest).c_str()); }
+
+size_t BlobStore::sweep(const std::set<std::string>& referenced, Time now) {
+  // Pins are not remembered over a restart: then everything counts as pinned when the coordinator started.
+  if (now - started_ < options_.pin) return 0;
+  size_t removed = 0;
+  const auto kept = [&](const std::string& digest) {
+    const std::lock_guard lock(mutex_);
+    const auto pin = pins_.find(digest);
+    if (pin != pins_.end() && pin->second <= now) pins_.erase(pin);
+    return uploading_.contains(digest) || pins_.contains(digest);
+  };
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(options_.dir + "/blobs")) {
+    if (!entry.is_regular_file() || referenced.contains(entry.path().filename()) || kept(entry.path().filename())) continue;
+    removed += ::unlink(entry.path().c_str()) == 0;
+  }
+  for (const fs::directory_entry& entry : fs::directory_iterator(options_.dir + "/uploads"))
+    if (!kept(entry.path().stem())) removed += ::unlink(entry.path().c_str()) == 0;
+  return removed;
+}
+
+}  // namespace woodcock::coordinator

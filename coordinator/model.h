@@ -1,0 +1,221 @@
+// What the parts of the coordinator tell each other: plain data.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "renderer/film/tile.h"
+#include "renderer/frame/settings.h"
+
+namespace woodcock::coordinator {
+
+/// Nanoseconds of the boot-time clock, passed in wherever time matters.
+using Time = int64_t;
+inline constexpr Time kSecond = 1'000'000'000;
+
+/// One task: frame and number count from 0, the number within the frame. Its wire form is "JOB.FRAME.NUMBER".
+struct TaskRef {
+  std::string job;
+  int frame = 0;
+  int64_t number = 0;
+
+  friend bool operator==(const TaskRef&, const TaskRef&) = default;
+};
+std::string to_string(const TaskRef& task);
+/// The inverse; nullopt for anything else.
+std::optional<TaskRef> parse_task_id(const std::string& id);
+
+struct TaskArea {
+  PixelRect rect;
+  SampleRange range;
+
+  int64_t samples() const { return rect.area() * range.size(); }
+  friend bool operator==(const TaskArea&, const TaskArea&) = default;
+};
+
+struct FrameSpec {
+  FrameHeader header;  ///< without build and class
+  std::string manifest_digest;
+  std::string scene_file;
+};
+
+struct JobSpec {
+  std::string id;
+  std::string request_id;
+  std::string request_digest;  ///< of the whole request: a request id is not used twice
+  std::string name;
+  FrameSettings settings;
+  int tile_size = 64;               ///< pixels
+  int64_t range_length = 64;        ///< samples of the longest task, a power of two
+  std::vector<SampleRange> rounds;  ///< [0, n), and what each extension added
+  int priority = 0;
+  std::vector<FrameSpec> frames;
+  int64_t submitted_unix_ms = 0;
+
+  int64_t samples() const { return rounds.empty() ? 0 : rounds.back().end; }
+};
+
+enum class JobState { Queued, Running, Paused, Assembling, Done, Partial, Failed, Cancelled };
+enum class FrameState { Queued, Running, Assembling, Done, Partial, Failed, Cancelled };
+enum class TaskState { Open, Committing, Done, Split, GivenUp };
+const char* to_string(JobState state);
+const char* to_string(FrameState state);
+inline bool has_ended(JobState s) { return s >= JobState::Done; }
+inline bool has_ended(FrameState s) { return s >= FrameState::Done; }
+
+struct TaskCost {
+  int64_t cpu_ns = 0, wall_ns = 0, samples = 0;
+};
+
+/// A committed tile.
+struct ResultRecord {
+  std::string key;
+  std::string digest;
+  int64_t bytes = 0;
+  TaskCost cost;
+};
+
+/// A settled task's row. Done: `result`; split: the number of its first part; given up: the last error.
+struct SettledTask {
+  int frame = 0;
+  int64_t number = 0;
+  TaskState state = TaskState::Done;
+  ResultRecord result;
+  int64_t first_part = 0;
+  std::string error;
+};
+
+struct FrameStatistics {
+  double mean_luminance = 0, rms_error = 0, relative_error = 0, error_low = 0, error_high = 0;
+  int64_t non_finite_samples = 0, incomplete_pixels = 0, empty_pixels = 0, samples = 0;
+};
+
+/// A frame's row beyond its spec.
+struct FrameRow {
+  bool pinned = false;
+  std::string build, arithmetic_class;
+  FrameState state = FrameState::Queued;
+  std::string image_digest;
+  int64_t image_bytes = 0;
+  FrameStatistics statistics;
+  std::string reason;
+};
+
+/// A job's row beyond its spec.
+struct JobRow {
+  JobState state = JobState::Queued;
+  std::string reason;
+  bool paused = false;
+  int64_t ended_unix_ms = 0;
+  int64_t last_event = 0;
+};
+
+struct LeaseRow {
+  std::string lease_id;
+  TaskRef task;
+  std::string worker_id;
+  uint64_t epoch = 0;
+};
+
+/// Everything a restart needs of one job.
+struct RecoveredJob {
+  JobSpec spec;
+  JobRow row;
+  std::vector<FrameRow> frames;
+  std::vector<SettledTask> settled;  ///< by frame and number
+};
+
+enum class EventKind {
+  Submitted = 1,
+  StateChanged,
+  FramePinned,
+  FrameDone,
+  LeaseGranted,
+  LeaseExpired,
+  LeaseReleased,
+  TaskCommitted,
+  TaskFailed,
+  TaskSplit,
+  TaskGivenUp,
+  StragglerCopied,
+  DeterminismAlarm,
+  Extended,
+  ResultRefused,
+  TaskReused,
+};
+
+struct JobEvent {
+  int64_t number = 0;
+  int64_t unix_ms = 0;
+  EventKind kind = EventKind::Submitted;
+  std::optional<uint64_t> frame;  ///< number of the sequence
+  std::string task_id, worker_id, message;
+};
+
+/// What one attempt at a task reported.
+struct AttemptRecord {
+  std::string worker_id, host_name;
+  uint64_t epoch = 0;
+  int64_t unix_ms = 0;
+  std::string message, log_excerpt;
+};
+
+// What the scheduler wants done. The coordinator carries these out in order.
+namespace action {
+/// Make the pin durable, look results up, then call Scheduler::frame_pinned.
+struct PinFrame {
+  std::string job;
+  int frame;
+  std::string build, arithmetic_class;
+};
+/// Make the commit durable, then call Scheduler::committed.
+struct CommitTask {
+  TaskRef task;
+  ResultRecord result;
+  std::string worker_id;
+};
+struct SplitTask {
+  TaskRef task;
+  int64_t first_part;
+};
+struct GiveUpTask {
+  TaskRef task;
+  std::string error;
+};
+struct RecordAttempt {
+  TaskRef task;
+  AttemptRecord attempt;
+};
+struct SaveLease {
+  LeaseRow lease;
+};
+struct DropLease {
+  std::string lease_id;
+};
+/// Merge the frame's committed tiles, then call Scheduler::frame_assembled.
+struct AssembleFrame {
+  std::string job;
+  int frame;
+};
+/// The job's row changed: see Scheduler::find.
+struct SaveJob {
+  std::string job;
+};
+struct SaveFrame {
+  std::string job;
+  int frame;
+};
+struct LogEvent {
+  std::string job;
+  JobEvent event;  ///< number and time are the coordinator's to fill
+};
+}  // namespace action
+
+using Action =
+    std::variant<action::PinFrame, action::CommitTask, action::SplitTask, action::GiveUpTask, action::RecordAttempt, action::SaveLease,
+                 action::DropLease, action::AssembleFrame, action::SaveJob, action::SaveFrame, action::LogEvent>;
+
+}  // namespace woodcock::coordinator

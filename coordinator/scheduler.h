@@ -1,0 +1,239 @@
+// Who renders what, when: a state machine without clock, thread, file or network. Events go in with the time they happened;
+// what must be done about them comes out of take_actions(), in order. docs/architecture.md tells the rules.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "coordinator/model.h"
+
+namespace woodcock::coordinator {
+
+struct SchedulerOptions {
+  uint64_t leader_term = 1;
+  Time lease = 30 * kSecond;
+  Time grace = 10 * kSecond;
+  Time worker_timeout = 60 * kSecond;  ///< a worker not heard of for so long is not counted as available
+  int poison_workers = 3;              ///< distinct workers that must fail a task before it is split
+  int max_splits_per_frame = 64;
+  int quarantine_after = 3;         ///< tasks failed here and done elsewhere, without a success of its own
+  Time first_probe = 10 * kSecond;  ///< of a quarantined worker; doubled up to 5 minutes
+  Time copy_after = 5 * kSecond;    ///< a running task is not copied to an idle worker before this
+  Time copy_queued_after = 2 * kSecond;
+};
+
+struct LeaseReport {
+  std::string lease_id, task_id;
+  uint64_t epoch = 0, renewal_counter = 0;
+  int phase = 0;
+  int64_t samples_done = 0;
+};
+struct Offer {
+  std::string lease_id, task_id;
+  uint64_t epoch = 0;
+  ResultRecord result;
+};
+enum class FailureCause { Crash, OutOfMemory, Hang, SceneError, SceneMismatch, Transfer, Other };
+const char* to_string(FailureCause cause);
+struct FailureReport {
+  std::string lease_id, task_id;
+  uint64_t epoch = 0;
+  FailureCause cause = FailureCause::Other;
+  std::string message, log_excerpt;
+};
+struct LeaseRelease {
+  std::string lease_id;
+  uint64_t epoch = 0;
+};
+/// One Sync request without its offers, which are decided one by one.
+struct WorkerReport {
+  std::string worker_id, host_name, build, arithmetic_class;
+  uint64_t incarnation = 0, sequence = 0;
+  int slots = 1, threads = 1;
+  bool draining = false;
+  std::vector<LeaseReport> leases;
+  std::vector<std::string> offered_leases;
+  std::vector<FailureReport> failures;
+  std::vector<LeaseRelease> releases;
+};
+
+enum class ReportStatus { Accepted, OlderIncarnation, OlderSequence };
+enum class OfferStatus { Committed, AlreadyCommitted, UploadNeeded, Refused, Pending };
+struct OfferDecision {
+  OfferStatus status;
+  std::string reason;
+};
+enum class CancelReason { JobEnded = 1, TaskSettled, LeaseExpired, UnknownLease, StaleEpoch };
+struct Grant {
+  std::string lease_id;
+  uint64_t epoch = 0;
+  TaskRef task;
+  TaskArea area;
+  std::string result_key;
+};
+struct Answer {
+  std::vector<Grant> grants;
+  std::vector<std::pair<std::string, CancelReason>> cancellations;
+  std::string notice;
+};
+
+struct Progress {
+  int64_t tasks_total = 0, tasks_done = 0, tasks_leased = 0, tasks_failed = 0;
+  int64_t samples_total = 0, samples_done = 0, samples_in_flight = 0;
+  double worker_seconds = 0, samples_per_second = 0;
+  std::optional<double> eta_seconds;
+};
+
+struct Task {
+  TaskArea area;
+  TaskState state = TaskState::Open;
+  bool retry = false;  ///< waits in Frame::retry
+  uint64_t epoch = 0;  ///< of its last lease
+  int64_t parent = -1, first_part = -1;
+  int expirations = 0;
+  std::string digest;
+  std::string error;
+  std::vector<std::string> leases;  ///< live attempts
+  std::vector<std::string> failed_workers;
+};
+
+struct Frame {
+  FrameSpec spec;
+  FrameRow row;
+  bool pin_pending = false;
+  std::vector<Task> tasks;
+  size_t next_fresh = 0;    ///< tasks before this were leased, settled or put into `retry`
+  std::set<int64_t> retry;  ///< open tasks to be leased again
+  int64_t unsettled = 0;    ///< tasks that are open or committing
+  int64_t done = 0, given_up = 0;
+  int splits = 0;
+  std::set<std::string> scene_failures;  ///< workers that could not read the scene
+  int64_t samples_total = 0, samples_done = 0;
+  int64_t cpu_ns = 0;
+  std::deque<int64_t> durations;  ///< wall time of the last commits, nanoseconds
+
+  FrameHeader pinned_header() const;
+};
+
+struct Job {
+  JobSpec spec;
+  JobRow row;
+  std::vector<Frame> frames;
+  size_t first_unfinished = 0;
+  bool leased_ever = false;
+  double served = 0;                            ///< camera paths granted: the fair share
+  std::deque<std::pair<Time, int64_t>> recent;  ///< commits of the last minute: when, camera paths
+};
+
+class Scheduler {
+ public:
+  explicit Scheduler(const SchedulerOptions& options) : options_(options) {}
+
+  // Jobs.
+  /// A new job. Its id must be new.
+  void add_job(const JobSpec& spec);
+  /// A job of before the restart, with the leases that were live then.
+  void recover_job(const RecoveredJob& job, const std::vector<LeaseRow>& leases, Time now);
+  const Job* find(const std::string& job_id) const;
+  const std::map<std::string, Job>& jobs() const { return jobs_; }
+  /// These change nothing when the job has ended (extend: when it was cancelled or failed), and then return false.
+  bool cancel(const std::string& job_id);
+  bool set_paused(const std::string& job_id, bool paused);
+  bool extend(const std::string& job_id, int64_t samples);
+
+  // Workers.
+  ReportStatus report(const WorkerReport& report, Time now);
+  OfferDecision offer(const Offer& offer, const std::string& worker_id, bool blob_present, Time now);
+  /// What the worker must be told now: grants that it has not reported yet, new ones as long as it has room.
+  Answer answer(const std::string& worker_id, Time now);
+  /// Expires leases. Call it about every second.
+  void tick(Time now);
+  /// No new leases while the reason is not empty (disk full).
+  void hold_leasing(const std::string& reason) { hold_reason_ = reason; }
+
+  // Answers to actions.
+  void frame_pinned(const action::PinFrame& pin, const std::vector<SettledTask>& reused);
+  void committed(const action::CommitTask& commit, Time now);
+  /// The blob of a committed task is damaged or gone: the task is open again.
+  void reopen(const TaskRef& task, const std::string& reason);
+  void frame_assembled(const std::string& job_id, int frame, const std::string& digest, int64_t bytes, const FrameStatistics& statistics);
+  void frame_failed(const std::string& job_id, int frame, const std::string& reason);
+
+  std::vector<Action> take_actions();
+
+  // What people see.
+  Progress progress(const Job& job, const Frame& frame) const;
+  Progress progress(const Job& job, Time now) const;
+  std::string waiting_reason(const Job& job, const Frame& frame, Time now) const;
+  /// Keys of the frame's open tasks as the pin would make them: what may be there already.
+  std::vector<std::pair<int64_t, std::string>> keys_of_open_tasks(const action::PinFrame& pin) const;
+  size_t live_leases() const { return leases_.size(); }
+  int64_t connected_workers(Time now) const;
+
+ private:
+  struct Lease {
+    std::string id;
+    TaskRef task;
+    std::string worker_id;
+    uint64_t epoch = 0, counter = 0;
+    Time granted = 0, last_change = 0;
+    int phase = 0;
+    int64_t samples_done = 0;
+    bool to_send = true;
+  };
+  struct Worker {
+    WorkerReport last;
+    Time last_seen = 0;
+    std::set<std::string> leases;
+    std::map<std::string, CancelReason> ended;  ///< leases it may still work on
+    int consecutive_failures = 0, blame = 0;
+    Time next_grant = 0, probe_interval = 0;
+    bool quarantined = false;
+  };
+
+  Job* job_of(const std::string& id);
+  Frame* frame_of(const TaskRef& task);
+  Task* task_of(const TaskRef& task);
+  void append_round(Job& job, Frame& frame, SampleRange round);
+  void restore_tasks(Job& job, Frame& frame, const std::vector<SettledTask>& settled);
+  void add_parts(Frame& frame, int64_t number, int64_t first_part);
+  void log(const std::string& job, EventKind kind, std::optional<uint64_t> frame, const std::string& task, const std::string& worker,
+           const std::string& message);
+  void set_state(Job& job, JobState state, const std::string& reason);
+  void update_job(Job& job);
+  void check_frame(Job& job, int frame);
+  void fail_frame(Job& job, int frame, const std::string& reason);
+
+  bool fits(const Worker& worker, const Frame& frame) const;
+  bool available(const Worker& worker, Time now) const;
+  int64_t available_workers(const Frame& frame, Time now) const;
+  bool may_take(const std::string& worker_id, const Frame& frame, const Task& task, Time now) const;
+  std::optional<int64_t> next_task(const std::string& worker_id, Frame& frame, Time now);
+  std::optional<TaskRef> choose(const std::string& worker_id, const Worker& worker, Time now);
+  std::optional<TaskRef> choose_copy(const std::string& worker_id, const Worker& worker, Time now) const;
+  void lease(const TaskRef& task, const std::string& worker_id, Worker& worker, Time now);
+  void end_lease(const std::string& lease_id, std::optional<CancelReason> tell_worker);
+  void requeue(const TaskRef& task);
+  void settle(const TaskRef& task, TaskState state);
+  void task_failed(const TaskRef& task, const std::string& worker_id, const std::string& why, bool counts, Time now);
+  void split_or_give_up(const TaskRef& task, const std::string& why);
+  void blame_others(const Task& task, const std::string& winner);
+  bool adopt(const LeaseReport& report, const std::string& worker_id, Worker& worker, Time now);
+
+  SchedulerOptions options_;
+  std::map<std::string, Job> jobs_;
+  std::map<std::string, Worker> workers_;
+  std::unordered_map<std::string, Lease> leases_;
+  uint64_t next_epoch_ = 0;
+  std::string hold_reason_;
+  std::vector<Action> actions_;
+};
+
+}  // namespace woodcock::coordinator

@@ -1,0 +1,157 @@
+#include "coordinator/store.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <soci/soci.h>
+#include <soci/sqlite3/soci-sqlite3.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace woodcock::coordinator {
+namespace {
+
+constexpr int kSchemaVersion = 1;
+
+constexpr const char* kSchema[] = {
+    "create table schema_version (version bigint not null)",
+    "create table leader (id bigint primary key, term bigint not null, address text not null)",
+    "create table jobs (job_id text primary key, request_id text not null unique, request_digest text not null, name text not null,"
+    " settings text not null, tile_size bigint not null, range_length bigint not null, rounds text not null, priority bigint not null,"
+    " submitted_ms bigint not null, state bigint not null, reason text not null, paused bigint not null, ended_ms bigint not null,"
+    " last_event bigint not null)",
+    "create table frames (job_id text not null, frame bigint not null, header text not null, manifest_digest text not null,"
+    " scene_file text not null, pinned bigint not null, build text not null, class text not null, state bigint not null,"
+    " image_digest text not null, image_bytes bigint not null, mean_luminance double precision not null, rms_error double precision not "
+    "null,"
+    " relative_error double precision not null, error_low double precision not null, error_high double precision not null,"
+    " non_finite bigint not null, incomplete bigint not null, empty bigint not null, samples bigint not null, reason text not null,"
+    " primary key (job_id, frame))",
+    // An open task has no row: inserting it is the compare-and-set.
+    "create table settled (job_id text not null, frame bigint not null, number bigint not null, state bigint not null, result_key text not "
+    "null,"
+    " digest text not null, bytes bigint not null, cpu_ns bigint not null, wall_ns bigint not null, samples bigint not null,"
+    " first_part bigint not null, error text not null, primary key (job_id, frame, number))",
+    "create table results (result_key text primary key, digest text not null, bytes bigint not null, cpu_ns bigint not null,"
+    " wall_ns bigint not null, samples bigint not null)",
+    "create table attempts (job_id text not null, frame bigint not null, number bigint not null, epoch bigint not null, worker_id text not "
+    "null,"
+    " host_name text not null, unix_ms bigint not null, message text not null, log_excerpt text not null,"
+    " primary key (job_id, frame, number, epoch))",
+    "create table leases (lease_id text primary key, job_id text not null, frame bigint not null, number bigint not null,"
+    " worker_id text not null, epoch bigint not null)",
+    "create table events (job_id text not null, number bigint not null, unix_ms bigint not null, kind bigint not null, frame bigint not "
+    "null,"
+    " task_id text not null, worker_id text not null, message text not null, primary key (job_id, number))",
+};
+
+[[noreturn]] void refuse(const std::string& message) { throw std::runtime_error(message); }
+
+}  // namespace
+
+Store::Store(const StoreOptions& options) : options_(options) {
+  const std::string lock_path = options.dir + "/lock";
+  lock_fd_ = ::open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (lock_fd_ < 0 || ::flock(lock_fd_, LOCK_EX | LOCK_NB) != 0) {
+    if (lock_fd_ >= 0) ::close(lock_fd_);
+    refuse("the folder " + options.dir +
+           " is in use by another coordinator (its lock file is locked); stop that one or give another --dir");
+  }
+  try {
+    sql_ = std::make_unique<soci::session>(soci::sqlite3, "db=" + options.dir + "/woodcock.sqlite timeout=5");
+    soci::session& sql = *sql_;
+    // WAL has a corruption bug in this SQLite with several connections; DELETE does not sync the directory.
+    std::string mode;
+    int synchronous = 0;
+    sql << "pragma journal_mode = truncate", soci::into(mode);
+    sql << "pragma synchronous = full";
+    sql << "pragma synchronous", soci::into(synchronous);
+    if (mode != "truncate" || synchronous != 2) refuse("SQLite did not accept journal_mode=TRUNCATE and synchronous=FULL");
+
+    soci::transaction transaction(sql);
+    int tables = 0;
+    sql << "select count(*) from sqlite_master where type = 'table' and name = 'schema_version'", soci::into(tables);
+    if (tables == 0) {
+      for (const char* statement : kSchema) sql << statement;
+      sql << "insert into schema_version (version) values (:v)", soci::use(kSchemaVersion);
+      sql << "insert into leader (id, term, address) values (1, 0, '')";
+    }
+    int version = 0;
+    sql << "select version from schema_version", soci::into(version);
+    if (version != kSchemaVersion)
+      refuse("the database has schema " + std::to_string(version) + ", this program knows schema " + std::to_string(kSchemaVersion) +
+             "; use a matching program");
+    long long term = 0;
+    sql << "update leader set term = term + 1, address = :a where id = 1", soci::use(options.address);
+    sql << "select term from leader where id = 1", soci::into(term);
+    transaction.commit();
+    term_ = static_cast<uint64_t>(term);
+  } catch (...) {
+    sql_.reset();
+    ::close(lock_fd_);
+    throw;
+  }
+  thread_ = std::thread([this] { run(); });
+}
+
+Store::~Store() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  wake_.notify_one();
+  thread_.join();
+  sql_.reset();
+  ::close(lock_fd_);
+}
+
+void Store::write(std::function<void(StoreSession&)> work, std::function<void()> done) {
+  {
+    const std::lock_guard lock(mutex_);
+    queue_.push_back({std::move(work), std::move(done)});
+  }
+  wake_.notify_one();
+}
+
+size_t Store::backlog() const {
+  const std::lock_guard lock(mutex_);
+  return queue_.size();
+}
+
+void Store::run() {
+  for (;;) {
+    std::vector<Operation> batch;
+    {
+      std::unique_lock lock(mutex_);
+      wake_.wait(lock, [&] { return stopping_ || !queue_.empty(); });
+      if (queue_.empty()) return;
+      const size_t n = std::min(queue_.size(), options_.batch);
+      std::move(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(n), std::back_inserter(batch));
+      queue_.erase(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(n));
+    }
+    try {
+      write_batch(batch);
+    } catch (const std::exception& error) {
+      // What was acknowledged is durable, what was not is repeated by those who asked: the only safe answer is none.
+      options_.on_fatal(std::string("the database failed: ") + error.what());
+      return;
+    }
+    for (Operation& operation : batch)
+      if (operation.done) operation.done();
+  }
+}
+
+void Store::write_batch(std::vector<Operation>& batch) {
+  soci::transaction transaction(*sql_);
+  const auto term = static_cast<long long>(term_);
+  soci::statement fence = (sql_->prepare << "update leader set term = term where id = 1 and term = :t", soci::use(term));
+  fence.execute(true);
+  if (fence.get_affected_rows() != 1) throw std::runtime_error("another coordinator took the leadership");
+  StoreSession session(*sql_);
+  for (Operation& operation : batch) operation.work(session);
+  transaction.commit();
+}
+
+}  // namespace woodcock::coordinator

@@ -1,0 +1,110 @@
+// The database: what survives a crash. One thread, one connection; everything that waits is written in one transaction, in the
+// order it was queued, and callbacks run when that transaction is durable.
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <future>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "coordinator/model.h"
+
+namespace soci {
+class session;
+}
+
+namespace woodcock::coordinator {
+
+/// The statements, inside a transaction of the store's thread. SQL that SQLite and PostgreSQL both take.
+class StoreSession {
+ public:
+  explicit StoreSession(soci::session& sql) : sql_(sql) {}
+
+  /// Nothing when its request id is taken: then returns false.
+  bool insert_job(const JobSpec& spec);
+  void save_job(const std::string& job_id, const JobRow& row, const std::vector<SampleRange>& rounds);
+  void save_frame(const std::string& job_id, int frame, const FrameRow& row);
+  /// Compare-and-set: inserts the row of an open task and its result. False when the task is settled already, or is a part of
+  /// a task that is not split. `parent` is -1 for a task of the grid.
+  bool commit_task(const TaskRef& task, int64_t parent, const ResultRecord& result);
+  bool settle_task(const TaskRef& task, const SettledTask& row);
+  /// The task is open again, its result forgotten.
+  void reopen_task(const TaskRef& task, const std::string& result_key);
+  std::optional<ResultRecord> find_result(const std::string& key);
+  std::optional<ResultRecord> result_of(const TaskRef& task);
+  /// Tiles of a frame: number and digest of each task done, by number.
+  std::vector<std::pair<int64_t, std::string>> tiles(const std::string& job_id, int frame);
+  void add_attempt(const TaskRef& task, const AttemptRecord& attempt);
+  std::vector<AttemptRecord> attempts(const TaskRef& task);
+  void save_lease(const LeaseRow& lease);
+  void drop_lease(const std::string& lease_id);
+  void append_event(const std::string& job_id, const JobEvent& event);
+  std::vector<JobEvent> events(const std::string& job_id, int64_t after, int limit);
+  /// Digests of blobs that rows speak of: results, images, manifests (not the files the manifests list).
+  std::set<std::string> referenced_blobs();
+  std::set<std::string> manifests();
+
+  std::vector<RecoveredJob> load_jobs();
+  std::vector<LeaseRow> load_leases();
+
+ private:
+  soci::session& sql_;
+};
+
+struct StoreOptions {
+  std::string dir;                                          ///< must exist
+  std::string address;                                      ///< of this leader, for its row
+  std::function<void(const std::string& reason)> on_fatal;  ///< must not return
+  size_t batch = 512;                                       ///< operations of one transaction
+};
+
+class Store {
+ public:
+  /// Locks the folder, opens or makes the database, takes the leadership (term + 1). Throws std::runtime_error with a
+  /// sentence for people: folder in use, newer schema, settings that do not hold.
+  explicit Store(const StoreOptions& options);
+  /// Writes what is queued, then closes.
+  ~Store();
+
+  uint64_t term() const { return term_; }
+  /// Queues `work`. `done` runs on the store's thread once it is durable; neither may call back into write() and wait.
+  /// Never blocks: callers look at backlog() before they accept new work.
+  void write(std::function<void(StoreSession&)> work, std::function<void()> done = {});
+  /// Runs `work` in its turn and waits for the result.
+  template <typename Work>
+  auto read(Work work) {
+    using Result = decltype(work(std::declval<StoreSession&>()));
+    auto promise = std::make_shared<std::promise<Result>>();
+    auto future = promise->get_future();
+    write([promise, work = std::move(work)](StoreSession& session) { promise->set_value(work(session)); });
+    return future.get();
+  }
+  size_t backlog() const;
+
+ private:
+  struct Operation {
+    std::function<void(StoreSession&)> work;
+    std::function<void()> done;
+  };
+  void run();
+  void write_batch(std::vector<Operation>& batch);
+
+  const StoreOptions options_;
+  int lock_fd_ = -1;
+  uint64_t term_ = 0;
+  std::unique_ptr<soci::session> sql_;  // constructor, then the thread
+
+  mutable std::mutex mutex_;
+  std::condition_variable wake_;
+  std::deque<Operation> queue_;  // guarded by mutex_
+  bool stopping_ = false;        // guarded by mutex_
+  std::thread thread_;
+};
+
+}  // namespace woodcock::coordinator
