@@ -1,6 +1,9 @@
 #include "coordinator/model.h"
 
 #include <charconv>
+#include <stdexcept>
+
+#include <nlohmann/json.hpp>
 
 namespace woodcock::coordinator {
 
@@ -28,6 +31,36 @@ const char* to_string(JobState state) {
 const char* to_string(FrameState state) {
   static constexpr const char* kNames[] = {"queued", "running", "assembling", "done", "partial", "failed", "cancelled"};
   return kNames[static_cast<int>(state)];
+}
+
+std::string to_json(const FrameStatistics& s) {
+  nlohmann::json json{{"image_mean", s.image_mean}, {"samples", s.samples}, {"pixels", s.pixels}, {"missing_pixels", s.missing_pixels}};
+  if (s.standard_error) json["standard_error"] = *s.standard_error;
+  if (s.relative_error) json["relative_error"] = *s.relative_error;
+  if (s.relative_error_half_width) json["relative_error_half_width"] = *s.relative_error_half_width;
+  if (s.firefly_share) json["firefly_share"] = *s.firefly_share;
+  return json.dump();
+}
+
+FrameStatistics statistics_from_json(const std::string& text) {
+  try {
+    const nlohmann::json json = nlohmann::json::parse(text);
+    FrameStatistics s;
+    s.image_mean = json.value("image_mean", 0.0);
+    s.samples = json.value("samples", int64_t{0});
+    s.pixels = json.value("pixels", int64_t{0});
+    s.missing_pixels = json.value("missing_pixels", int64_t{0});
+    const auto number = [&](const char* key) {
+      return json.contains(key) ? std::optional<double>(json.at(key).get<double>()) : std::nullopt;
+    };
+    s.standard_error = number("standard_error");
+    s.relative_error = number("relative_error");
+    s.relative_error_half_width = number("relative_error_half_width");
+    s.firefly_share = number("firefly_share");
+    return s;
+  } catch (const nlohmann::json::exception& error) {
+    throw std::runtime_error(std::string("malformed statistics: ") + error.what());
+  }
 }
 
 }  // namespace woodcock::coordinator

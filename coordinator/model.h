@@ -88,10 +88,15 @@ struct SettledTask {
   std::string error;
 };
 
+/// What error a frame reached: see renderer/accuracy ErrorEstimate.
 struct FrameStatistics {
-  double mean_luminance = 0, rms_error = 0, relative_error = 0, error_low = 0, error_high = 0;
-  int64_t non_finite_samples = 0, incomplete_pixels = 0, empty_pixels = 0, samples = 0;
+  double image_mean = 0;
+  std::optional<double> standard_error, relative_error, relative_error_half_width, firefly_share;
+  int64_t samples = 0, pixels = 0, missing_pixels = 0;
 };
+std::string to_json(const FrameStatistics& statistics);
+/// Throws std::runtime_error on malformed text.
+FrameStatistics statistics_from_json(const std::string& text);
 
 /// A frame's row beyond its spec.
 struct FrameRow {

@@ -147,6 +147,8 @@ class Scheduler {
   bool cancel(const std::string& job_id);
   bool set_paused(const std::string& job_id, bool paused);
   bool extend(const std::string& job_id, int64_t samples);
+  /// For people; 0 while it has not ended.
+  void set_ended_time(const std::string& job_id, int64_t unix_ms) { jobs_.at(job_id).row.ended_unix_ms = unix_ms; }
 
   // Workers.
   ReportStatus report(const WorkerReport& report, Time now);

@@ -24,11 +24,8 @@ constexpr const char* kSchema[] = {
     " last_event bigint not null)",
     "create table frames (job_id text not null, frame bigint not null, header text not null, manifest_digest text not null,"
     " scene_file text not null, pinned bigint not null, build text not null, class text not null, state bigint not null,"
-    " image_digest text not null, image_bytes bigint not null, mean_luminance double precision not null, rms_error double precision not "
-    "null,"
-    " relative_error double precision not null, error_low double precision not null, error_high double precision not null,"
-    " non_finite bigint not null, incomplete bigint not null, empty bigint not null, samples bigint not null, reason text not null,"
-    " primary key (job_id, frame))",
+    " image_digest text not null, image_bytes bigint not null, statistics text not null, reason text not null, primary key (job_id, "
+    "frame))",
     // An open task has no row: inserting it is the compare-and-set.
     "create table settled (job_id text not null, frame bigint not null, number bigint not null, state bigint not null, result_key text not "
     "null,"
@@ -97,14 +94,19 @@ Store::Store(const StoreOptions& options) : options_(options) {
 }
 
 Store::~Store() {
+  stop();
+  sql_.reset();
+  ::close(lock_fd_);
+}
+
+void Store::stop() {
+  if (!thread_.joinable()) return;
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
   }
   wake_.notify_one();
   thread_.join();
-  sql_.reset();
-  ::close(lock_fd_);
 }
 
 void Store::write(std::function<void(StoreSession&)> work, std::function<void()> done) {

@@ -69,21 +69,28 @@ class Store {
   /// Locks the folder, opens or makes the database, takes the leadership (term + 1). Throws std::runtime_error with a
   /// sentence for people: folder in use, newer schema, settings that do not hold.
   explicit Store(const StoreOptions& options);
-  /// Writes what is queued, then closes.
   ~Store();
+  /// Writes what is queued, callbacks and what they queue included. Nothing may be queued afterwards.
+  void stop();
 
   uint64_t term() const { return term_; }
   /// Queues `work`. `done` runs on the store's thread once it is durable; neither may call back into write() and wait.
   /// Never blocks: callers look at backlog() before they accept new work.
   void write(std::function<void(StoreSession&)> work, std::function<void()> done = {});
-  /// Runs `work` in its turn and waits for the result.
+  /// Runs `work` in its turn and waits for the result; what it saw is durable then.
   template <typename Work>
   auto read(Work work) {
     using Result = decltype(work(std::declval<StoreSession&>()));
+    auto result = std::make_shared<std::optional<Result>>();
     auto promise = std::make_shared<std::promise<Result>>();
     auto future = promise->get_future();
-    write([promise, work = std::move(work)](StoreSession& session) { promise->set_value(work(session)); });
+    write([result, work = std::move(work)](StoreSession& session) { result->emplace(work(session)); },
+          [result, promise] { promise->set_value(std::move(**result)); });
     return future.get();
+  }
+  /// Waits until everything queued before is durable.
+  void barrier() {
+    read([](StoreSession&) { return true; });
   }
   size_t backlog() const;
 

@@ -85,8 +85,7 @@ bool StoreSession::insert_job(const JobSpec& spec) {
     const std::string header = to_json(rpc::to_wire(frame.header));
     sql_
         << "insert into frames (job_id, frame, header, manifest_digest, scene_file, pinned, build, class, state, image_digest, image_bytes,"
-           " mean_luminance, rms_error, relative_error, error_low, error_high, non_finite, incomplete, empty, samples, reason)"
-           " values (:id, :f, :h, :m, :s, 0, '', '', 0, '', 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, '')",
+           " statistics, reason) values (:id, :f, :h, :m, :s, 0, '', '', 0, '', 0, '', '')",
         use(spec.id), use(index), use(header), use(frame.manifest_digest), use(frame.scene_file);
     ++index;
   }
@@ -102,14 +101,12 @@ void StoreSession::save_job(const std::string& job_id, const JobRow& row, const 
 
 void StoreSession::save_frame(const std::string& job_id, int frame, const FrameRow& row) {
   const Integer index = frame, pinned = row.pinned, state = static_cast<int>(row.state), bytes = row.image_bytes;
-  const FrameStatistics& s = row.statistics;
-  const Integer non_finite = s.non_finite_samples, incomplete = s.incomplete_pixels, empty = s.empty_pixels, samples = s.samples;
-  sql_ << "update frames set pinned = :p, build = :b, class = :c, state = :s, image_digest = :d, image_bytes = :ib, mean_luminance = :ml,"
-          " rms_error = :re, relative_error = :rl, error_low = :el, error_high = :eh, non_finite = :nf, incomplete = :in, empty = :em,"
-          " samples = :sa, reason = :r where job_id = :id and frame = :f",
-      use(pinned), use(row.build), use(row.arithmetic_class), use(state), use(row.image_digest), use(bytes), use(s.mean_luminance),
-      use(s.rms_error), use(s.relative_error), use(s.error_low), use(s.error_high), use(non_finite), use(incomplete), use(empty),
-      use(samples), use(row.reason), use(job_id), use(index);
+  const std::string statistics = to_json(row.statistics);
+  sql_ << "update frames set pinned = :p, build = :b, class = :c, state = :s, image_digest = :d, image_bytes = :ib, statistics = :st, "
+          "reason = :r"
+          " where job_id = :id and frame = :f",
+      use(pinned), use(row.build), use(row.arithmetic_class), use(state), use(row.image_digest), use(bytes), use(statistics),
+      use(row.reason), use(job_id), use(index);
 }
 
 bool StoreSession::commit_task(const TaskRef& task, int64_t parent, const ResultRecord& result) {
@@ -277,8 +274,8 @@ std::vector<RecoveredJob> StoreSession::load_jobs() {
   }
   const soci::rowset<soci::row> frame_rows =
       (sql_.prepare
-       << "select job_id, header, manifest_digest, scene_file, pinned, build, class, state, image_digest, image_bytes, mean_luminance,"
-          " rms_error, relative_error, error_low, error_high, non_finite, incomplete, empty, samples, reason from frames"
+       << "select job_id, header, manifest_digest, scene_file, pinned, build, class, state, image_digest, image_bytes, statistics,"
+          " reason from frames"
           " order by job_id, frame");
   for (const soci::row& r : frame_rows) {
     RecoveredJob& job = jobs.at(index.at(r.get<std::string>(0)));
@@ -291,9 +288,8 @@ std::vector<RecoveredJob> StoreSession::load_jobs() {
     frame.state = static_cast<FrameState>(r.get<Integer>(7));
     frame.image_digest = r.get<std::string>(8);
     frame.image_bytes = r.get<Integer>(9);
-    frame.statistics = {r.get<double>(10),  r.get<double>(11),  r.get<double>(12),  r.get<double>(13), r.get<double>(14),
-                        r.get<Integer>(15), r.get<Integer>(16), r.get<Integer>(17), r.get<Integer>(18)};
-    frame.reason = r.get<std::string>(19);
+    if (const auto text = r.get<std::string>(10); !text.empty()) frame.statistics = statistics_from_json(text);
+    frame.reason = r.get<std::string>(11);
     job.frames.push_back(std::move(frame));
   }
   const soci::rowset<soci::row> settled_rows =

@@ -1,0 +1,180 @@
+#include "coordinator/assembler.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <google/protobuf/util/json_util.h>
+#include <nlohmann/json.hpp>
+
+#include <atomic>
+#include <chrono>
+#include <cstring>
+#include <fstream>
+#include <iostream>
+
+#include "renderer/accuracy/error.h"
+#include "renderer/film/exr.h"
+#include "renderer/film/merge.h"
+#include "rpc/convert.h"
+
+namespace woodcock::coordinator {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+/// A frame of 16k × 16k pixels merges in minutes.
+constexpr std::chrono::minutes kTimeLimit{60};
+constexpr rlim_t kMemoryLimit = rlim_t{16} << 30;
+
+FrameStatistics statistics_of(const std::string& path) {
+  const ErrorEstimate e = estimate_error(path);
+  FrameStatistics s;
+  s.image_mean = e.image_mean;
+  s.standard_error = e.standard_error;
+  if (e.relative_error) {
+    s.relative_error = e.relative_error->value;
+    s.relative_error_half_width = e.relative_error->half_width;
+  }
+  s.firefly_share = e.firefly_share;
+  s.samples = e.samples;
+  s.pixels = e.pixels;
+  s.missing_pixels = e.missing_pixels;
+  return s;
+}
+
+std::string header_json(const FrameHeader& header) {
+  std::string json;
+  if (!google::protobuf::util::MessageToJsonString(rpc::to_wire(header), &json).ok()) return {};
+  return json;
+}
+
+/// Reads what the child writes until it closes the pipe or the time is up. False then.
+bool read_all(int fd, Clock::time_point deadline, std::string& text) {
+  for (char buffer[4096];;) {
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline - Clock::now()).count();
+    pollfd item{fd, POLLIN, 0};
+    const int ready = left > 0 ? ::poll(&item, 1, static_cast<int>(std::min<int64_t>(left, 1000))) : -1;
+    if (left <= 0 || (ready < 0 && errno != EINTR)) return false;
+    if (ready <= 0) continue;
+    const ssize_t n = ::read(fd, buffer, sizeof buffer);
+    if (n == 0) return true;
+    if (n > 0) text.append(buffer, static_cast<size_t>(n));
+    if (n < 0 && errno != EINTR) return false;
+    if (text.size() > (1 << 20)) return false;
+  }
+}
+
+}  // namespace
+
+AssembleResult assemble(const AssembleRequest& request) {
+  AssembleResult result;
+  std::vector<std::filesystem::path> tiles;
+  for (size_t i = 0; i < request.tile_paths.size(); ++i) {
+    try {
+      const ExrReader reader(request.tile_paths[i]);
+      const std::string difference = header_difference(request.header, "the frame", reader.info().header, "the tile");
+      if (!difference.empty()) throw FilmError(request.tile_paths[i], difference);
+      tiles.emplace_back(request.tile_paths[i]);
+    } catch (const std::exception& error) {
+      result.damaged.push_back(i);
+      result.error = error.what();
+    }
+  }
+  if (!result.damaged.empty()) return result;
+  try {
+    merge_files(tiles, request.output_path, {request.header.bounds, SampleRange{0, request.samples}});
+    result.statistics = statistics_of(request.output_path);
+    result.ok = true;
+  } catch (const std::exception& error) {
+    result.error = error.what();
+  }
+  return result;
+}
+
+AssembleResult assemble_in_child(const std::string& program, const std::string& temporary_dir, const AssembleRequest& request) {
+  static std::atomic<int> counter{0};
+  AssembleResult result;
+  const std::string spec_path = temporary_dir + "/assemble-" + std::to_string(++counter) + ".json";
+  {
+    std::ofstream spec(spec_path);
+    spec << nlohmann::json{{"header", header_json(request.header)},
+                           {"samples", request.samples},
+                           {"tiles", request.tile_paths},
+                           {"output", request.output_path}};
+    spec.close();
+    if (!spec) {
+      result.error = "cannot write " + spec_path;
+      return result;
+    }
+  }
+  int pipe_fds[2];
+  if (::pipe2(pipe_fds, O_CLOEXEC) != 0) {
+    result.error = std::string("pipe: ") + std::strerror(errno);
+    return result;
+  }
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_adddup2(&actions, pipe_fds[1], STDOUT_FILENO);
+  const std::string option = "--assemble";
+  char* arguments[] = {const_cast<char*>(program.c_str()), const_cast<char*>(option.c_str()), const_cast<char*>(spec_path.c_str()),
+                       nullptr};
+  // The child needs nothing of our environment.
+  char* environment[] = {nullptr};
+  pid_t child = 0;
+  const int spawned = ::posix_spawn(&child, program.c_str(), &actions, nullptr, arguments, environment);
+  posix_spawn_file_actions_destroy(&actions);
+  ::close(pipe_fds[1]);
+  std::string output;
+  if (spawned != 0) {
+    result.error = "cannot start " + program + ": " + std::strerror(spawned);
+  } else {
+    const bool finished = read_all(pipe_fds[0], Clock::now() + kTimeLimit, output);
+    if (!finished) ::kill(child, SIGKILL);
+    int status = 0;
+    while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+    }
+    try {
+      if (WIFSIGNALED(status)) throw std::runtime_error(std::string("the merge ended by signal ") + strsignal(WTERMSIG(status)));
+      const nlohmann::json json = nlohmann::json::parse(output);
+      result.ok = json.at("ok").get<bool>();
+      result.error = json.at("error").get<std::string>();
+      result.damaged = json.at("damaged").get<std::vector<size_t>>();
+      result.statistics = statistics_from_json(json.at("statistics").dump());
+    } catch (const std::exception& error) {
+      result.ok = false;
+      result.error = finished ? error.what() : "the merge took too long";
+    }
+  }
+  ::close(pipe_fds[0]);
+  ::unlink(spec_path.c_str());
+  return result;
+}
+
+int assemble_main(const std::string& spec_path) {
+  const rlimit memory{kMemoryLimit, kMemoryLimit}, core{0, 0};
+  ::setrlimit(RLIMIT_AS, &memory);
+  ::setrlimit(RLIMIT_CORE, &core);
+  AssembleResult result;
+  try {
+    std::ifstream file(spec_path);
+    const nlohmann::json spec = nlohmann::json::parse(file);
+    v1::FrameHeader header;
+    if (!google::protobuf::util::JsonStringToMessage(spec.at("header").get<std::string>(), &header).ok())
+      throw std::runtime_error("malformed header");
+    result = assemble({rpc::from_wire(header), spec.at("samples"), spec.at("tiles"), spec.at("output")});
+  } catch (const std::exception& error) {
+    result.error = error.what();
+  }
+  std::cout << nlohmann::json{{"ok", result.ok},
+                              {"error", result.error},
+                              {"damaged", result.damaged},
+                              {"statistics", nlohmann::json::parse(to_json(result.statistics))}}
+            << std::endl;
+  return result.ok ? 0 : 1;
+}
+
+}  // namespace woodcock::coordinator

@@ -1,0 +1,171 @@
+#include <fcntl.h>
+#include <unistd.h>
+
+#include "coordinator/services.h"
+#include "rpc/convert.h"
+#include "rpc/limits.h"
+#include "rpc/status.h"
+
+namespace woodcock::coordinator {
+namespace {
+
+grpc::StatusCode code_of(BlobError::Kind kind) {
+  switch (kind) {
+    case BlobError::Kind::NoSpace:
+      return grpc::StatusCode::RESOURCE_EXHAUSTED;
+    case BlobError::Kind::WrongOffset:
+      return grpc::StatusCode::OUT_OF_RANGE;
+    case BlobError::Kind::Damaged:
+      return grpc::StatusCode::DATA_LOSS;
+    case BlobError::Kind::Busy:
+      return grpc::StatusCode::ABORTED;
+    case BlobError::Kind::NotFound:
+      return grpc::StatusCode::NOT_FOUND;
+    case BlobError::Kind::Io:
+      return grpc::StatusCode::INTERNAL;
+  }
+  return grpc::StatusCode::INTERNAL;
+}
+
+template <typename Work>
+grpc::Status answer(Work work) {
+  try {
+    work();
+    return grpc::Status::OK;
+  } catch (const BlobError& error) {
+    return {code_of(error.kind()), error.what()};
+  } catch (...) {
+    return rpc::status_of_current_exception();
+  }
+}
+
+}  // namespace
+
+StallGuard::StallGuard(std::chrono::milliseconds limit) : limit_(limit) {
+  thread_ = std::thread([this] {
+    std::unique_lock lock(mutex_);
+    while (!stopping_) {
+      wake_.wait_for(lock, limit_ / 10);
+      const auto oldest = (std::chrono::steady_clock::now() - limit_).time_since_epoch().count();
+      for (Watch* watch : watches_) {
+        if (watch->last_ >= oldest) continue;
+        watch->stalled_ = true;
+        watch->context_.TryCancel();
+      }
+    }
+  });
+}
+
+StallGuard::~StallGuard() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  wake_.notify_all();
+  thread_.join();
+}
+
+StallGuard::Watch::Watch(StallGuard& guard, grpc::ServerContext& context) : guard_(guard), context_(context) {
+  moved();
+  const std::lock_guard lock(guard_.mutex_);
+  guard_.watches_.insert(this);
+}
+StallGuard::Watch::~Watch() {
+  const std::lock_guard lock(guard_.mutex_);
+  guard_.watches_.erase(this);
+}
+void StallGuard::Watch::moved() { last_ = std::chrono::steady_clock::now().time_since_epoch().count(); }
+
+BlobsService::BlobsService(Coordinator& coordinator) : coordinator_(coordinator), guard_(rpc::kChunkDeadline) {}
+
+grpc::Status BlobsService::FindMissing(grpc::ServerContext*, const v1::FindMissingRequest* request, v1::FindMissingResponse* response) {
+  return answer([&] {
+    if (static_cast<size_t>(request->digests_size()) > rpc::kMaxDigestsPerCall) rpc::fail_invalid("digests: at most 10000 in one call");
+    for (const std::string& digest : request->digests()) {
+      rpc::checked_digest(digest, "digests");
+      // Pinned before it is looked for: a clean-up in between must not take it.
+      coordinator_.blobs().pin(digest, coordinator_.now());
+      if (!coordinator_.blobs().contains(digest)) response->add_missing_digests(digest);
+    }
+    response->set_pin_ms(coordinator_.blobs().pin_time() / 1'000'000);
+  });
+}
+
+grpc::Status BlobsService::QueryUpload(grpc::ServerContext*, const v1::QueryUploadRequest* request, v1::QueryUploadResponse* response) {
+  return answer([&] {
+    coordinator_.blobs().pin(rpc::checked_digest(request->content_digest(), "content_digest"), coordinator_.now());
+    const auto [offset, complete] = coordinator_.blobs().upload_offset(request->content_digest());
+    response->set_offset_bytes(offset);
+    response->set_complete(complete);
+  });
+}
+
+grpc::Status BlobsService::Upload(grpc::ServerContext* context, grpc::ServerReader<v1::UploadRequest>* reader,
+                                  v1::UploadResponse* response) {
+  return answer([&] {
+    const Admission::Ticket ticket(uploads_, "uploads");
+    StallGuard::Watch watch(guard_, *context);
+    v1::UploadRequest request;
+    if (!reader->Read(&request) || !request.has_header()) rpc::fail_invalid("an upload begins with its header");
+    const v1::UploadHeader header = request.header();
+    const std::string& digest = rpc::checked_digest(header.content_digest(), "content_digest");
+    if (header.total_bytes() < 0 || header.total_bytes() > rpc::kMaxBlobBytes) rpc::fail_invalid("total_bytes: expected 0 to 64 GiB");
+    if (header.offset_bytes() < 0 || header.offset_bytes() > header.total_bytes())
+      rpc::fail_invalid("offset_bytes: expected 0 to total_bytes");
+    BlobStore& blobs = coordinator_.blobs();
+    if (const auto size = blobs.size(digest)) {
+      blobs.pin(digest, coordinator_.now());
+      response->set_stored_bytes(*size);
+      response->set_complete(true);
+      return;
+    }
+    const auto upload = blobs.begin_upload(digest, header.total_bytes(), header.offset_bytes(), coordinator_.now());
+    while (reader->Read(&request)) {
+      watch.moved();
+      if (!request.has_chunk() || request.chunk().empty() || request.chunk().size() > rpc::kChunkBytes)
+        rpc::fail_invalid("chunk: expected 1 byte to 1 MiB");
+      upload->append(request.chunk(), coordinator_.now());
+    }
+    if (watch.stalled()) throw rpc::RpcError(grpc::StatusCode::DEADLINE_EXCEEDED, "no chunk came in time; ask QueryUpload where to go on");
+    response->set_complete(upload->finish(coordinator_.now()));
+    response->set_stored_bytes(upload->stored());
+  });
+}
+
+grpc::Status BlobsService::Download(grpc::ServerContext* context, const v1::DownloadRequest* request,
+                                    grpc::ServerWriter<v1::DownloadResponse>* writer) {
+  return answer([&] {
+    const Admission::Ticket ticket(downloads_, "downloads");
+    StallGuard::Watch watch(guard_, *context);
+    BlobStore& blobs = coordinator_.blobs();
+    const std::string& digest = rpc::checked_digest(request->content_digest(), "content_digest");
+    blobs.pin(digest, coordinator_.now());
+    const std::optional<int64_t> size = blobs.size(digest);
+    if (!size) rpc::fail_not_found("there is no blob " + digest);
+    int64_t offset = request->offset_bytes();
+    if (offset < 0 || offset > *size)
+      throw rpc::RpcError(grpc::StatusCode::OUT_OF_RANGE, "the blob has " + std::to_string(*size) + " bytes");
+    const int fd = ::open(blobs.path(digest).c_str(), O_RDONLY | O_CLOEXEC);
+    if (fd < 0) rpc::fail_not_found("there is no blob " + digest);
+    v1::DownloadResponse response;
+    response.set_total_bytes(*size);
+    std::string& chunk = *response.mutable_chunk();
+    bool open = true, failed = false;
+    // An empty blob has one empty message.
+    do {
+      chunk.resize(rpc::kChunkBytes / 2);
+      const ssize_t n = ::pread(fd, chunk.data(), chunk.size(), offset);
+      failed = n < 0 || (n == 0 && offset < *size);
+      if (failed) break;
+      chunk.resize(static_cast<size_t>(n));
+      offset += n;
+      open = writer->Write(response);
+      watch.moved();
+      response.clear_total_bytes();
+    } while (open && offset < *size);
+    ::close(fd);
+    if (failed) throw rpc::RpcError(grpc::StatusCode::DATA_LOSS, "blob " + digest + " cannot be read");
+  });
+}
+
+}  // namespace woodcock::coordinator

@@ -1,0 +1,138 @@
+// Carries the scheduler's actions to store, blobs and assembler, and their answers back. One mutex guards the scheduler; it is
+// never held while the disk is written or a service called back.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <grpcpp/support/status.h>
+
+#include "coordinator/assembler.h"
+#include "coordinator/blob_store.h"
+#include "coordinator/scheduler.h"
+#include "coordinator/store.h"
+#include "woodcock/v1/jobs_service.pb.h"
+#include "woodcock/v1/workers_service.pb.h"
+
+namespace woodcock::coordinator {
+
+struct CoordinatorOptions {
+  std::string dir;
+  std::string address;  ///< as told to workers; may be set later by set_address
+  SchedulerOptions scheduler;
+  int64_t min_free_bytes = 64 << 20;
+  Time pin = 3600 * kSecond;
+  Time sync_hold = 10 * kSecond;      ///< how long an idle worker's call is held
+  Time busy_sync_hold = 2 * kSecond;  ///< and that of one that renders: how old its progress may be
+  size_t max_backlog = 50'000;        ///< operations that wait for the database
+  AssembleFunction assemble_tiles = assemble;
+  std::function<Time()> now;                                ///< boot-time clock
+  std::function<int64_t()> unix_ms;                         ///< wall clock, for people only
+  std::function<void(const std::string& reason)> on_fatal;  ///< must not return
+  /// Called with a name at the points where a crash is interesting; tests crash there.
+  std::function<void(const char* point)> failpoint = [](const char*) {};
+};
+
+/// CLOCK_BOOTTIME, in nanoseconds.
+Time boot_time();
+int64_t unix_time_ms();
+
+class Coordinator {
+ public:
+  /// Opens the folder and recovers what is in it. Throws std::runtime_error with a sentence for people.
+  explicit Coordinator(const CoordinatorOptions& options);
+  /// Ends held calls with UNAVAILABLE, writes what is queued.
+  ~Coordinator();
+
+  BlobStore& blobs() { return blobs_; }
+  Time now() const { return options_.now(); }
+  void set_address(const std::string& address);
+
+  // What JobsService offers. They block until the change is durable and throw RpcError.
+  v1::SubmitJobResponse submit(const v1::SubmitJobRequest& request);
+  v1::Job job(const std::string& id);
+  v1::ListJobsResponse list(int page_size, const std::string& page_token);
+  v1::Job cancel(const std::string& id);
+  v1::Job set_paused(const std::string& id, bool paused);
+  v1::Job extend(const std::string& id, int64_t samples);
+  v1::GetFrameResponse frame(const std::string& id, uint64_t frame, bool partial);
+  std::vector<v1::TaskAttempt> task_log(const std::string& job_id, const std::string& task_id);
+  /// Events after the cursor, at most 1000, and the job now. `finished`: it has ended and there are no more events.
+  v1::WatchJobResponse watch(const std::string& id, int64_t after_event, bool& finished);
+
+  // What WorkersService offers. `done` is called exactly once, from any thread, unless cancel_sync returns true.
+  using SyncDone = std::function<void(const grpc::Status&, const v1::SyncResponse&)>;
+  uint64_t sync(const v1::SyncRequest& request, SyncDone done);
+  bool cancel_sync(uint64_t token);
+  /// Answers all held calls with UNAVAILABLE and refuses new ones.
+  void stop_syncs();
+
+  /// Removes blobs that nothing needs; the ticker calls it every ten minutes.
+  size_t sweep();
+
+ private:
+  struct HeldSync {
+    uint64_t token = 0;
+    uint64_t sequence = 0;
+    std::vector<Offer> offers;
+    std::vector<std::pair<OfferStatus, std::string>> verdicts;  ///< parallel to offers
+    Time deadline = 0;
+    uint64_t tried = 0;  ///< value of changes_ when grants were last tried
+    bool retry_later = false;
+    SyncDone done;
+  };
+  struct AssembleJob {
+    std::string job;
+    int frame = 0;
+    int attempts = 0;
+    Time not_before = 0;
+  };
+  using Completions = std::vector<std::function<void()>>;
+
+  void recover();
+  Completions pump();  // mutex_ held: carries out actions, answers held calls; the caller runs the result unlocked
+  void carry_out(const Action& action);
+  bool try_answer(const std::string& worker_id, HeldSync& held, Completions& completions);
+  void decide_offers(const std::string& worker_id, HeldSync& held);
+  template <typename Work>
+  auto locked(Work work);
+  const Job& must_find(const std::string& id) const;
+  v1::Job view(const std::string& id, bool with_frames) const;
+  AssembleRequest assemble_request(const Job& job, const Frame& frame, std::vector<TaskRef>& tasks) const;
+  std::vector<TaskRef> damaged_tiles(const std::vector<TaskRef>& tasks, const std::vector<std::string>& paths) const;
+  void reopen(const std::vector<TaskRef>& tasks, const std::string& reason);
+  void assemble_one(const AssembleJob& job);
+  void run_assembler();
+  void run_ticker();
+
+  const CoordinatorOptions options_;
+  BlobStore blobs_;
+  std::unique_ptr<Store> store_;
+
+  mutable std::mutex mutex_;
+  std::condition_variable wake_assembler_;
+  std::condition_variable wake_ticker_;
+  // Guarded by mutex_:
+  std::unique_ptr<Scheduler> scheduler_;
+  std::map<std::string, HeldSync> held_;
+  std::map<std::string, int64_t> last_event_;
+  std::deque<AssembleJob> to_assemble_;
+  std::string address_;
+  uint64_t next_token_ = 0;
+  uint64_t changes_ = 1;
+  uint64_t next_temporary_ = 0;
+  bool stopping_ = false;
+
+  std::thread assembler_;
+  std::thread ticker_;
+};
+
+}  // namespace woodcock::coordinator

@@ -1,0 +1,127 @@
+// Sync: a worker's report in, what it must be told out, held until there is something.
+#include <algorithm>
+
+#include "coordinator/coordinator.h"
+#include "coordinator/coordinator_locked.h"
+#include "coordinator/sync_wire.h"
+#include "rpc/convert.h"
+#include "rpc/limits.h"
+#include "rpc/status.h"
+
+namespace woodcock::coordinator {
+
+uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
+  WorkerReport report;
+  HeldSync held;
+  try {
+    report = report_from_wire(request);
+    held.offers = offers_from_wire(request);
+    if (store_->backlog() > options_.max_backlog)
+      throw rpc::RpcError(grpc::StatusCode::UNAVAILABLE, "the coordinator's database is behind; go on rendering and try again");
+  } catch (...) {
+    done(rpc::status_of_current_exception(), {});
+    return 0;
+  }
+  held.verdicts.assign(held.offers.size(), {OfferStatus::Pending, ""});
+  held.sequence = request.sequence();
+  held.done = std::move(done);
+  const Time now = options_.now();
+  held.deadline = now + (request.leases().empty() ? options_.sync_hold : options_.busy_sync_hold);
+  SyncDone superseded, refused;
+  grpc::Status refusal;
+  const uint64_t token = locked([&]() -> uint64_t {
+    const ReportStatus status = stopping_ ? ReportStatus::Accepted : scheduler_->report(report, now);
+    if (stopping_) {
+      refusal = {grpc::StatusCode::UNAVAILABLE, "the coordinator is stopping; go on rendering and try again"};
+    } else if (status == ReportStatus::OlderIncarnation) {
+      refusal = {grpc::StatusCode::ABORTED, "a newer incarnation of worker " + report.worker_id + " is connected; stop this one"};
+    } else if (status == ReportStatus::OlderSequence) {
+      refusal = {grpc::StatusCode::ABORTED, "a later call of this incarnation was seen"};
+    }
+    if (!refusal.ok()) {
+      refused = std::move(held.done);
+      return 0;
+    }
+    held.token = ++next_token_;
+    const uint64_t result = held.token;
+    const auto old = held_.find(report.worker_id);
+    if (old != held_.end()) {
+      superseded = std::move(old->second.done);
+      held_.erase(old);
+    }
+    held_.emplace(report.worker_id, std::move(held));
+    return result;
+  });
+  if (superseded) superseded({grpc::StatusCode::ABORTED, "a later call of this worker replaces this one"}, {});
+  if (refused) refused(refusal, {});
+  return token;
+}
+
+bool Coordinator::cancel_sync(uint64_t token) {
+  const std::lock_guard lock(mutex_);
+  const auto it = std::find_if(held_.begin(), held_.end(), [&](const auto& h) { return h.second.token == token; });
+  if (it == held_.end()) return false;
+  held_.erase(it);
+  return true;
+}
+
+void Coordinator::stop_syncs() {
+  std::map<std::string, HeldSync> held;
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    held.swap(held_);
+  }
+  for (auto& [id, call] : held)
+    call.done({grpc::StatusCode::UNAVAILABLE, "the coordinator is stopping; go on rendering and try again"}, {});
+}
+
+void Coordinator::decide_offers(const std::string& worker_id, HeldSync& held) {
+  for (size_t i = 0; i < held.offers.size(); ++i) {
+    auto& [status, reason] = held.verdicts[i];
+    if (status != OfferStatus::Pending) continue;
+    const bool asked_before = held.tried > 0;
+    const OfferDecision decision =
+        scheduler_->offer(held.offers[i], worker_id, blobs_.contains(held.offers[i].result.digest), options_.now());
+    status = decision.status;
+    reason = decision.reason;
+    // It waited for its own commit.
+    if (asked_before && status == OfferStatus::AlreadyCommitted) status = OfferStatus::Committed;
+  }
+}
+
+bool Coordinator::try_answer(const std::string& worker_id, HeldSync& held, Completions& completions) {
+  const Time now = options_.now();
+  const bool overdue = now >= held.deadline;
+  if (!overdue && held.tried == changes_) return false;
+  const uint64_t seen = changes_;
+  decide_offers(worker_id, held);
+  held.tried = seen;
+  // A commit takes one disk flush: its verdict is worth the wait.
+  const bool undecided =
+      std::any_of(held.verdicts.begin(), held.verdicts.end(), [](const auto& v) { return v.first == OfferStatus::Pending; });
+  if (undecided && !overdue) return false;
+  const Answer answer = scheduler_->answer(worker_id, now);
+  if (!overdue && answer.grants.empty() && answer.cancellations.empty() && held.offers.empty()) return false;
+
+  v1::SyncResponse response;
+  *response.mutable_protocol() = rpc::this_protocol();
+  response.set_leader_term(store_->term());
+  if (!address_.empty()) response.add_coordinator_addresses(address_);
+  response.set_sequence(held.sequence);
+  for (const Grant& grant : answer.grants)
+    *response.add_grants() = grant_to_wire(grant, must_find(grant.task.job), options_.scheduler.lease);
+  for (const auto& [id, reason] : answer.cancellations) {
+    v1::LeaseCancellation* cancellation = response.add_cancellations();
+    cancellation->set_lease_id(id);
+    cancellation->set_reason(static_cast<v1::CancelReason>(static_cast<int>(reason)));
+  }
+  for (size_t i = 0; i < held.offers.size(); ++i)
+    *response.add_verdicts() = verdict_to_wire(held.offers[i], held.verdicts[i].first, held.verdicts[i].second);
+  response.set_next_sync_ms(undecided ? 1000 : 0);
+  response.set_notice(answer.notice);
+  completions.push_back([done = std::move(held.done), response = std::move(response)] { done(grpc::Status::OK, response); });
+  return true;
+}
+
+}  // namespace woodcock::coordinator

@@ -1,0 +1,114 @@
+#include "coordinator/job_view.h"
+
+#include "rpc/convert.h"
+
+namespace woodcock::coordinator {
+namespace {
+
+constexpr int kListedFailures = 1000;
+
+v1::JobState to_wire(JobState state) { return static_cast<v1::JobState>(static_cast<int>(state) + 1); }
+v1::FrameState to_wire(FrameState state) { return static_cast<v1::FrameState>(static_cast<int>(state) + 1); }
+static_assert(static_cast<int>(JobState::Cancelled) + 1 == v1::JOB_STATE_CANCELLED);
+static_assert(static_cast<int>(FrameState::Cancelled) + 1 == v1::FRAME_STATE_CANCELLED);
+static_assert(static_cast<int>(EventKind::TaskReused) == v1::JOB_EVENT_KIND_TASK_REUSED);
+
+v1::Progress to_wire(const Progress& p) {
+  v1::Progress wire;
+  wire.set_tasks_total(p.tasks_total);
+  wire.set_tasks_done(p.tasks_done);
+  wire.set_tasks_leased(p.tasks_leased);
+  wire.set_tasks_failed(p.tasks_failed);
+  wire.set_samples_total(p.samples_total);
+  wire.set_samples_done(p.samples_done);
+  wire.set_samples_in_flight(p.samples_in_flight);
+  wire.set_worker_seconds(p.worker_seconds);
+  wire.set_samples_per_second(p.samples_per_second);
+  if (p.eta_seconds) wire.set_eta_seconds(*p.eta_seconds);
+  return wire;
+}
+
+}  // namespace
+
+v1::FrameStatistics to_wire(const FrameStatistics& s) {
+  v1::FrameStatistics wire;
+  wire.set_image_mean(s.image_mean);
+  if (s.standard_error) wire.set_standard_error(*s.standard_error);
+  if (s.relative_error) wire.set_relative_error(*s.relative_error);
+  if (s.relative_error_half_width) wire.set_relative_error_half_width(*s.relative_error_half_width);
+  if (s.firefly_share) wire.set_firefly_share(*s.firefly_share);
+  wire.set_samples(s.samples);
+  wire.set_pixels(s.pixels);
+  wire.set_missing_pixels(s.missing_pixels);
+  return wire;
+}
+
+v1::FrameStatus frame_view(const Scheduler& scheduler, const Job& job, const Frame& frame, Time now) {
+  v1::FrameStatus wire;
+  wire.set_frame(frame.spec.header.frame);
+  wire.set_state(to_wire(frame.row.state));
+  *wire.mutable_header() = rpc::to_wire(frame.pinned_header());
+  *wire.mutable_progress() = to_wire(scheduler.progress(job, frame));
+  wire.set_waiting_reason(scheduler.waiting_reason(job, frame, now));
+  wire.set_image_digest(frame.row.image_digest);
+  wire.set_image_bytes(frame.row.image_bytes);
+  if (!frame.row.image_digest.empty()) *wire.mutable_statistics() = to_wire(frame.row.statistics);
+  wire.set_reason(frame.row.reason);
+  if (frame.given_up == 0) return wire;
+  for (size_t i = 0; i < frame.tasks.size() && wire.failed_tasks_size() < kListedFailures; ++i) {
+    const Task& task = frame.tasks[i];
+    if (task.state != TaskState::GivenUp) continue;
+    v1::FailedTask* failed = wire.add_failed_tasks();
+    const auto index = static_cast<int>(&frame - job.frames.data());
+    failed->set_task_id(to_string(TaskRef{job.spec.id, index, static_cast<int64_t>(i)}));
+    *failed->mutable_rect() = rpc::to_wire(task.area.rect);
+    *failed->mutable_range() = rpc::to_wire(task.area.range);
+    failed->set_last_error(task.error);
+  }
+  return wire;
+}
+
+v1::Job job_view(const Scheduler& scheduler, const Job& job, int64_t last_event, bool with_frames, Time now) {
+  v1::Job wire;
+  wire.set_job_id(job.spec.id);
+  wire.set_name(job.spec.name);
+  wire.set_state(to_wire(job.row.state));
+  wire.set_state_reason(job.row.reason);
+  wire.set_priority(job.spec.priority);
+  *wire.mutable_settings() = rpc::to_wire(job.spec.settings, job.spec.tile_size);
+  *wire.mutable_progress() = to_wire(scheduler.progress(job, now));
+  wire.set_submitted_unix_ms(job.spec.submitted_unix_ms);
+  wire.set_ended_unix_ms(job.row.ended_unix_ms);
+  wire.set_frame_count(static_cast<int64_t>(job.frames.size()));
+  wire.set_last_event(last_event);
+  for (const Frame& frame : job.frames) {
+    if (wire.state_reason().empty()) wire.set_state_reason(scheduler.waiting_reason(job, frame, now));
+    if (with_frames) *wire.add_frames() = frame_view(scheduler, job, frame, now);
+  }
+  return wire;
+}
+
+v1::JobEvent to_wire(const JobEvent& event) {
+  v1::JobEvent wire;
+  wire.set_number(event.number);
+  wire.set_unix_ms(event.unix_ms);
+  wire.set_kind(static_cast<v1::JobEventKind>(static_cast<int>(event.kind)));
+  if (event.frame) wire.set_frame(*event.frame);
+  wire.set_task_id(event.task_id);
+  wire.set_worker_id(event.worker_id);
+  wire.set_message(event.message.substr(0, 1024));
+  return wire;
+}
+
+v1::TaskAttempt to_wire(const AttemptRecord& attempt) {
+  v1::TaskAttempt wire;
+  wire.set_worker_id(attempt.worker_id);
+  wire.set_host_name(attempt.host_name);
+  wire.set_epoch(attempt.epoch);
+  wire.set_unix_ms(attempt.unix_ms);
+  wire.set_message(attempt.message);
+  wire.set_log_excerpt(attempt.log_excerpt);
+  return wire;
+}
+
+}  // namespace woodcock::coordinator

@@ -1,0 +1,17 @@
+// What the coordinator knows, as messages.
+#pragma once
+
+#include "coordinator/scheduler.h"
+#include "woodcock/v1/job.pb.h"
+#include "woodcock/v1/jobs_service.pb.h"
+
+namespace woodcock::coordinator {
+
+v1::FrameStatistics to_wire(const FrameStatistics& statistics);
+v1::FrameStatus frame_view(const Scheduler& scheduler, const Job& job, const Frame& frame, Time now);
+/// `last_event`: the last event's number. Frames are left out unless asked for.
+v1::Job job_view(const Scheduler& scheduler, const Job& job, int64_t last_event, bool with_frames, Time now);
+v1::JobEvent to_wire(const JobEvent& event);
+v1::TaskAttempt to_wire(const AttemptRecord& attempt);
+
+}  // namespace woodcock::coordinator

@@ -1,0 +1,79 @@
+#include "coordinator/services.h"
+#include "rpc/status.h"
+
+namespace woodcock::coordinator {
+namespace {
+
+template <typename Work>
+grpc::Status answer(Work work) {
+  try {
+    work();
+    return grpc::Status::OK;
+  } catch (...) {
+    return rpc::status_of_current_exception();
+  }
+}
+
+}  // namespace
+
+Admission::Ticket::Ticket(Admission& admission, const char* what) : admission_(admission) {
+  if (--admission.free_ >= 0) return;
+  ++admission.free_;
+  rpc::fail_exhausted(std::string("too many ") + what + " at once; try again later");
+}
+
+grpc::Status JobsService::SubmitJob(grpc::ServerContext*, const v1::SubmitJobRequest* request, v1::SubmitJobResponse* response) {
+  return answer([&] { *response = coordinator_.submit(*request); });
+}
+grpc::Status JobsService::GetJob(grpc::ServerContext*, const v1::GetJobRequest* request, v1::GetJobResponse* response) {
+  return answer([&] { *response->mutable_job() = coordinator_.job(request->job_id()); });
+}
+grpc::Status JobsService::ListJobs(grpc::ServerContext*, const v1::ListJobsRequest* request, v1::ListJobsResponse* response) {
+  return answer([&] { *response = coordinator_.list(request->page_size(), request->page_token()); });
+}
+grpc::Status JobsService::CancelJob(grpc::ServerContext*, const v1::CancelJobRequest* request, v1::CancelJobResponse* response) {
+  return answer([&] { *response->mutable_job() = coordinator_.cancel(request->job_id()); });
+}
+grpc::Status JobsService::PauseJob(grpc::ServerContext*, const v1::PauseJobRequest* request, v1::PauseJobResponse* response) {
+  return answer([&] { *response->mutable_job() = coordinator_.set_paused(request->job_id(), true); });
+}
+grpc::Status JobsService::ResumeJob(grpc::ServerContext*, const v1::ResumeJobRequest* request, v1::ResumeJobResponse* response) {
+  return answer([&] { *response->mutable_job() = coordinator_.set_paused(request->job_id(), false); });
+}
+grpc::Status JobsService::ExtendJob(grpc::ServerContext*, const v1::ExtendJobRequest* request, v1::ExtendJobResponse* response) {
+  return answer([&] { *response->mutable_job() = coordinator_.extend(request->job_id(), request->samples()); });
+}
+grpc::Status JobsService::GetFrame(grpc::ServerContext*, const v1::GetFrameRequest* request, v1::GetFrameResponse* response) {
+  return answer([&] {
+    const Admission::Ticket ticket(merges_, "images are merged");
+    *response = coordinator_.frame(request->job_id(), request->frame(), request->partial());
+  });
+}
+grpc::Status JobsService::GetTaskLog(grpc::ServerContext*, const v1::GetTaskLogRequest* request, v1::GetTaskLogResponse* response) {
+  return answer([&] {
+    for (v1::TaskAttempt& attempt : coordinator_.task_log(request->job_id(), request->task_id()))
+      *response->add_attempts() = std::move(attempt);
+  });
+}
+
+grpc::Status JobsService::WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
+                                   grpc::ServerWriter<v1::WatchJobResponse>* writer) {
+  return answer([&] {
+    const Admission::Ticket ticket(watchers_, "watchers");
+    int64_t cursor = request->after_event();
+    std::string last;
+    for (bool finished = false; !finished;) {
+      if (context->IsCancelled()) return;
+      if (stopping_) throw rpc::RpcError(grpc::StatusCode::UNAVAILABLE, "the coordinator is stopping; watch again from the last event");
+      const v1::WatchJobResponse response = coordinator_.watch(request->job_id(), cursor, finished);
+      if (!response.events().empty()) cursor = response.events().rbegin()->number();
+      std::string progress = response.job().progress().SerializeAsString() + response.job().state_reason();
+      const bool news = !response.events().empty() || progress != last || finished;
+      last = std::move(progress);
+      if (news && !writer->Write(response)) return;
+      if (!finished && response.events_size() < 1000) std::this_thread::sleep_for(std::chrono::milliseconds(250));
+    }
+  });
+}
+
+}  // namespace woodcock::coordinator

@@ -1,0 +1,33 @@
+// The coordinator's server: services, health, reflection, one port.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include <grpcpp/server.h>
+
+#include "coordinator/services.h"
+
+namespace woodcock::coordinator {
+
+class CoordinatorServer {
+ public:
+  /// Listens on "HOST:PORT" (port 0: any). Throws std::runtime_error when it cannot.
+  CoordinatorServer(Coordinator& coordinator, const std::string& listen);
+  ~CoordinatorServer();
+
+  /// "HOST:PORT" with the real port.
+  const std::string& address() const { return address_; }
+  /// Lets calls end for at most two seconds.
+  void stop();
+
+ private:
+  Coordinator& coordinator_;
+  JobsService jobs_;
+  BlobsService blobs_;
+  WorkersService workers_;
+  std::string address_;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+}  // namespace woodcock::coordinator

@@ -1,0 +1,114 @@
+// The gRPC services: they check what comes in, call the coordinator, and map errors. Workers are served by callbacks, without a
+// thread each; jobs and blobs by a bounded pool of threads.
+#pragma once
+
+#include <condition_variable>
+#include <map>
+#include <mutex>
+#include <thread>
+
+#include "coordinator/coordinator.h"
+#include "woodcock/v1/blobs_service.grpc.pb.h"
+#include "woodcock/v1/jobs_service.grpc.pb.h"
+#include "woodcock/v1/workers_service.grpc.pb.h"
+
+namespace woodcock::coordinator {
+
+/// At most `limit` at a time: the others are told RESOURCE_EXHAUSTED.
+class Admission {
+ public:
+  explicit Admission(int limit) : free_(limit) {}
+  class Ticket {
+   public:
+    explicit Ticket(Admission& admission, const char* what);
+    ~Ticket() { ++admission_.free_; }
+    Ticket(const Ticket&) = delete;
+    Ticket& operator=(const Ticket&) = delete;
+
+   private:
+    Admission& admission_;
+  };
+
+ private:
+  std::atomic<int> free_;
+};
+
+/// Cancels streams on which nothing moves: a thread of the pool must not wait for a peer for ever.
+class StallGuard {
+ public:
+  explicit StallGuard(std::chrono::milliseconds limit);
+  ~StallGuard();
+  class Watch {
+   public:
+    Watch(StallGuard& guard, grpc::ServerContext& context);
+    ~Watch();
+    Watch(const Watch&) = delete;
+    Watch& operator=(const Watch&) = delete;
+    void moved();
+    /// The guard has cancelled the call.
+    bool stalled() const { return stalled_; }
+
+   private:
+    friend class StallGuard;
+    StallGuard& guard_;
+    grpc::ServerContext& context_;
+    std::atomic<std::chrono::steady_clock::rep> last_;
+    std::atomic<bool> stalled_{false};
+  };
+
+ private:
+  const std::chrono::milliseconds limit_;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  std::set<Watch*> watches_;  // guarded by mutex_
+  bool stopping_ = false;     // guarded by mutex_
+  std::thread thread_;
+};
+
+class JobsService final : public v1::JobsService::Service {
+ public:
+  explicit JobsService(Coordinator& coordinator) : coordinator_(coordinator) {}
+  /// Lets watchers go; the server can stop then.
+  void stop() { stopping_ = true; }
+
+  grpc::Status SubmitJob(grpc::ServerContext*, const v1::SubmitJobRequest*, v1::SubmitJobResponse*) override;
+  grpc::Status GetJob(grpc::ServerContext*, const v1::GetJobRequest*, v1::GetJobResponse*) override;
+  grpc::Status ListJobs(grpc::ServerContext*, const v1::ListJobsRequest*, v1::ListJobsResponse*) override;
+  grpc::Status WatchJob(grpc::ServerContext*, const v1::WatchJobRequest*, grpc::ServerWriter<v1::WatchJobResponse>*) override;
+  grpc::Status CancelJob(grpc::ServerContext*, const v1::CancelJobRequest*, v1::CancelJobResponse*) override;
+  grpc::Status PauseJob(grpc::ServerContext*, const v1::PauseJobRequest*, v1::PauseJobResponse*) override;
+  grpc::Status ResumeJob(grpc::ServerContext*, const v1::ResumeJobRequest*, v1::ResumeJobResponse*) override;
+  grpc::Status GetFrame(grpc::ServerContext*, const v1::GetFrameRequest*, v1::GetFrameResponse*) override;
+  grpc::Status GetTaskLog(grpc::ServerContext*, const v1::GetTaskLogRequest*, v1::GetTaskLogResponse*) override;
+  grpc::Status ExtendJob(grpc::ServerContext*, const v1::ExtendJobRequest*, v1::ExtendJobResponse*) override;
+
+ private:
+  Coordinator& coordinator_;
+  Admission watchers_{64}, merges_{2};
+  std::atomic<bool> stopping_{false};
+};
+
+class BlobsService final : public v1::BlobsService::Service {
+ public:
+  explicit BlobsService(Coordinator& coordinator);
+  grpc::Status FindMissing(grpc::ServerContext*, const v1::FindMissingRequest*, v1::FindMissingResponse*) override;
+  grpc::Status QueryUpload(grpc::ServerContext*, const v1::QueryUploadRequest*, v1::QueryUploadResponse*) override;
+  grpc::Status Upload(grpc::ServerContext*, grpc::ServerReader<v1::UploadRequest>*, v1::UploadResponse*) override;
+  grpc::Status Download(grpc::ServerContext*, const v1::DownloadRequest*, grpc::ServerWriter<v1::DownloadResponse>*) override;
+
+ private:
+  Coordinator& coordinator_;
+  Admission uploads_{64}, downloads_{64};
+  StallGuard guard_;
+};
+
+class WorkersService final : public v1::WorkersService::CallbackService {
+ public:
+  explicit WorkersService(Coordinator& coordinator) : coordinator_(coordinator) {}
+  grpc::ServerUnaryReactor* Sync(grpc::CallbackServerContext*, const v1::SyncRequest*, v1::SyncResponse*) override;
+
+ private:
+  Coordinator& coordinator_;
+};
+
+}  // namespace woodcock::coordinator

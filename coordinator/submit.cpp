@@ -1,0 +1,98 @@
+#include "coordinator/submit.h"
+
+#include <bit>
+#include <map>
+#include <set>
+
+#include "coordinator/task_grid.h"
+#include "rpc/convert.h"
+#include "rpc/limits.h"
+#include "rpc/manifest.h"
+#include "rpc/status.h"
+
+namespace woodcock::coordinator {
+
+int64_t choose_range_length(const std::vector<FrameSpec>& frames, int tile_size, SampleRange range) {
+  for (int64_t length = 64;; length *= 2) {
+    int64_t tasks = 0;
+    for (const FrameSpec& frame : frames) tasks = std::min(tasks + task_count(frame.header.bounds, tile_size, range, length), kMaxSamples);
+    if (tasks <= rpc::kMaxTasksPerJob) return length;
+    if (length >= range.size())
+      rpc::fail_exhausted("the job has more than 1000000 tasks even with the longest sample ranges: choose larger tiles or fewer frames");
+  }
+}
+
+namespace {
+
+/// The files that a manifest's blob lists, all of them present. Pins everything.
+std::set<std::string> check_manifest(const std::string& digest, BlobStore& blobs, Time now) {
+  std::string bytes;
+  try {
+    bytes = blobs.read(digest, rpc::kMaxManifestBytes);
+  } catch (const BlobError& error) {
+    rpc::fail_precondition("the manifest " + digest + " is not here; upload it and submit again (" + error.what() + ")");
+  }
+  blobs.pin(digest, now);
+  std::set<std::string> paths;
+  std::string missing;
+  int count = 0;
+  const v1::SceneManifest manifest = rpc::parse_manifest(bytes);
+  for (const v1::SceneFile& file : manifest.files()) {
+    paths.insert(file.path());
+    blobs.pin(file.content_digest(), now);
+    const std::optional<int64_t> size = blobs.size(file.content_digest());
+    if (size && *size != file.bytes()) rpc::fail_invalid("the manifest gives \"" + file.path() + "\" a size its blob does not have");
+    if (!size && ++count <= 5) missing.append(" ").append(file.path());
+  }
+  if (count > 0)
+    rpc::fail_precondition(std::to_string(count) + " files of the scene are not here:" + missing + "; upload them and submit again");
+  return paths;
+}
+
+}  // namespace
+
+JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time now, int64_t unix_ms) {
+  JobSpec job;
+  if (!rpc::is_identifier(request.request_id())) rpc::fail_invalid("request_id: expected 1 to 64 characters of [A-Za-z0-9-]");
+  job.request_id = request.request_id();
+  job.request_digest = rpc::blob_digest(request.SerializeAsString());
+  job.id = std::string(1, 'j');
+  job.id.append(rpc::blob_digest(request.request_id()), 0, 12);
+  if (request.name().size() > rpc::kMaxNameBytes) rpc::fail_invalid("name: expected at most 200 bytes");
+  job.name = request.name();
+  if (request.priority() < -rpc::kMaxPriority || request.priority() > rpc::kMaxPriority)
+    rpc::fail_invalid("priority: expected -100 to 100");
+  job.priority = request.priority();
+  job.settings = rpc::from_wire(request.settings(), 0);
+  if (!job.settings.samples) rpc::fail_invalid("settings.samples: the client must resolve the samples per pixel");
+  job.rounds = {{0, *job.settings.samples}};
+  const uint32_t tile = request.settings().tile_size();
+  if (tile != 0 && (tile < 8 || tile > 1024 || !std::has_single_bit(tile)))
+    rpc::fail_invalid("settings.tile_size: expected a power of two from 8 to 1024");
+  job.tile_size = tile == 0 ? 64 : static_cast<int>(tile);
+  if (request.frames().empty() || static_cast<size_t>(request.frames_size()) > rpc::kMaxFramesPerJob)
+    rpc::fail_invalid("frames: expected 1 to 10000");
+
+  std::set<uint64_t> numbers;
+  std::map<std::string, std::set<std::string>> manifests;
+  for (const v1::FrameInput& input : request.frames()) {
+    FrameSpec frame;
+    frame.header = rpc::from_wire(input.header());
+    if (!frame.header.build.empty() || !frame.header.arithmetic_class.empty())
+      rpc::fail_invalid("frames.header: build and arithmetic_class are set by the coordinator");
+    if (!numbers.insert(frame.header.frame).second)
+      rpc::fail_invalid("frames: frame " + std::to_string(frame.header.frame) + " is given twice");
+    frame.manifest_digest = rpc::checked_digest(input.manifest_digest(), "frames.manifest_digest");
+    frame.scene_file = input.scene_file();
+    auto manifest = manifests.find(frame.manifest_digest);
+    if (manifest == manifests.end())
+      manifest = manifests.emplace(frame.manifest_digest, check_manifest(frame.manifest_digest, blobs, now)).first;
+    if (!manifest->second.contains(frame.scene_file)) rpc::fail_invalid("frames.scene_file: the manifest does not list it");
+    job.frames.push_back(std::move(frame));
+  }
+  job.range_length = choose_range_length(job.frames, job.tile_size, job.rounds.front());
+  job.submitted_unix_ms = unix_ms;
+  return job;
+}
+
+}  // namespace woodcock::coordinator

@@ -1,0 +1,17 @@
+// A SubmitJob request, checked and turned into a job.
+#pragma once
+
+#include "coordinator/blob_store.h"
+#include "coordinator/model.h"
+#include "woodcock/v1/jobs_service.pb.h"
+
+namespace woodcock::coordinator {
+
+/// Tasks of a job never exceed this; range_length grows until they fit.
+int64_t choose_range_length(const std::vector<FrameSpec>& frames, int tile_size, SampleRange range);
+
+/// Checks every field and that every blob is there (and pins them). Throws RpcError: INVALID_ARGUMENT,
+/// FAILED_PRECONDITION naming missing blobs, RESOURCE_EXHAUSTED for too many tasks.
+JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time now, int64_t unix_ms);
+
+}  // namespace woodcock::coordinator
