@@ -48,14 +48,15 @@ int exit_code(v1::JobState state) {
 }
 
 json statistics_json(const v1::FrameStatistics& statistics) {
-  return {{"mean_luminance", statistics.mean_luminance()},
-          {"rms_error", statistics.rms_error()},
-          {"relative_error", statistics.relative_error()},
-          {"rms_error_interval_95", {statistics.error_low(), statistics.error_high()}},
-          {"non_finite_samples", statistics.non_finite_samples()},
-          {"incomplete_pixels", statistics.incomplete_pixels()},
-          {"empty_pixels", statistics.empty_pixels()},
-          {"samples", statistics.samples()}};
+  json out{{"image_mean", statistics.image_mean()},
+           {"samples", statistics.samples()},
+           {"pixels", statistics.pixels()},
+           {"missing_pixels", statistics.missing_pixels()}};
+  if (statistics.has_standard_error()) out["standard_error"] = statistics.standard_error();
+  if (statistics.has_relative_error()) out["relative_error"] = statistics.relative_error();
+  if (statistics.has_relative_error_half_width()) out["relative_error_half_width"] = statistics.relative_error_half_width();
+  if (statistics.has_firefly_share()) out["firefly_share"] = statistics.firefly_share();
+  return out;
 }
 
 json frame_json(const v1::FrameStatus& frame) {
@@ -97,18 +98,11 @@ json job_json(const v1::Job& job) {
 }
 
 std::string error_line(const v1::FrameStatistics& statistics) {
-  std::string line;
-  if (statistics.mean_luminance() > 0) {
-    const double percent = 100 / statistics.mean_luminance();
-    line = fmt::format("error {:.3g} % of the mean (95 % interval {:.3g} % to {:.3g} %)", 100 * statistics.relative_error(),
-                       percent * statistics.error_low(), percent * statistics.error_high());
-  } else {
-    line = "the image is black";
-  }
-  if (statistics.non_finite_samples() > 0)
-    line += fmt::format("; {} samples were not finite and count as zero", statistics.non_finite_samples());
-  if (statistics.empty_pixels() > 0) line += fmt::format("; {} pixels are empty", statistics.empty_pixels());
-  if (statistics.incomplete_pixels() > 0) line += fmt::format("; {} pixels lack samples", statistics.incomplete_pixels());
+  std::string line = "error unknown: too few samples for an estimate";
+  if (statistics.has_relative_error())
+    line = fmt::format("relative error {:.3g} % ± {:.2g} % (95 % interval)", 100 * statistics.relative_error(),
+                       100 * statistics.relative_error_half_width());
+  if (statistics.missing_pixels() > 0) line += fmt::format("; {} pixels lack samples and are empty", statistics.missing_pixels());
   return line;
 }
 
