@@ -9,7 +9,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "renderer/film/sha256.h"
+#include "renderer/core/sha256.h"
 
 namespace woodcock::coordinator {
 namespace fs = std::filesystem;
