@@ -1,0 +1,304 @@
+// The service as users run it: real programs, real faults. After each fault the image is compared with the one that
+// `woodcock render` makes of the same scene, byte by byte.
+#include <signal.h>
+
+#include <fstream>
+#include <thread>
+
+#include "tests/service/service_fixture.h"
+
+namespace woodcock::testing_service {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::seconds;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+const std::string kCornell = std::string(WOODCOCK_SOURCE_DIR) + "/scenes/cornell.pbrt";
+const std::string kCloud = std::string(WOODCOCK_SOURCE_DIR) + "/scenes/cloud.pbrt";
+/// Fractions of a second of work.
+const std::vector<std::string> kQuick{kCornell, "--spp", "8", "--resolution", "48x48"};
+/// Some seconds of work in tasks of a fraction of a second: long enough to meet a fault half way.
+const std::vector<std::string> kLong{kCornell, "--spp", "256", "--resolution", "64x64"};
+
+std::vector<std::string> operator+(std::vector<std::string> a, const std::vector<std::string>& b) {
+  a.insert(a.end(), b.begin(), b.end());
+  return a;
+}
+
+// --- the same bits -----------------------------------------------------------------------------------------------
+
+class ManyWorkers : public ServiceTest, public ::testing::WithParamInterface<int> {};
+
+TEST_P(ManyWorkers, SubmitWritesTheFileThatRenderWrites) {
+  start_coordinator();
+  for (int i = 0; i < GetParam(); ++i) start_worker();
+  const std::vector<std::string> scene{kCloud, "--spp", "4", "--resolution", "64x48", "--seed", "7"};
+  const Run run = woodcock({"submit", "-o", path("image.exr"), "--tile", "16"} + scene);
+  ASSERT_EQ(run.code, 0) << run.err;
+  EXPECT_THAT(run.out, AllOf(HasSubstr("image.exr: error"), HasSubstr("image.png")));
+  EXPECT_TRUE(contents(path("image.exr")) == rendered(scene));
+  EXPECT_TRUE(fs::exists(path("image.png")));
+}
+
+INSTANTIATE_TEST_SUITE_P(Service, ManyWorkers, ::testing::Values(1, 2, 5));
+
+class Service : public ServiceTest {};
+
+TEST_F(Service, ExtendRendersOnlyTheDifferenceAndGivesTheSameFile) {
+  start_coordinator();
+  start_worker();
+  const std::string job = submit(kQuick);
+  ASSERT_EQ(watch(job), 0);
+  ASSERT_EQ(woodcock({"extend", job, "--spp", "32"}).code, 0);
+  ASSERT_EQ(watch(job), 0);
+  ASSERT_EQ(woodcock({"fetch", job, "-o", path("image.exr")}).code, 0);
+  EXPECT_TRUE(contents(path("image.exr")) == rendered({kCornell, "--spp", "32", "--resolution", "48x48"}));
+}
+
+TEST_F(Service, FramesOfASequenceAreNumbered) {
+  for (const char* number : {"08", "09"}) fs::copy_file(kCornell, path(std::string("shot.") + number + ".pbrt"));
+  start_coordinator();
+  start_worker();
+  const std::vector<std::string> settings{"--spp", "2", "--resolution", "16x16"};
+  ASSERT_EQ(woodcock({"submit", path("shot.##.pbrt"), "--frames", "8-9", "-o", path("out.##.exr")} + settings).code, 0);
+  EXPECT_TRUE(fs::exists(path("out.08.exr")));
+  EXPECT_TRUE(fs::exists(path("out.09.exr")));
+  EXPECT_FALSE(contents(path("out.08.exr")) == contents(path("out.09.exr"))) << "each frame has its own random numbers";
+}
+
+TEST_F(Service, SecondSubmitOfTheSameSceneIsAnsweredFromFinishedResults) {
+  start_coordinator();
+  start_worker();
+  ASSERT_EQ(woodcock({"submit", "-o", path("one.exr")} + kQuick).code, 0);
+  workers_.front()->signal(SIGTERM);
+  ASSERT_EQ(workers_.front()->wait(kPatience), 0);
+  start_worker();  // of the same build: a frame is pinned to one
+  ASSERT_EQ(woodcock({"submit", "-o", path("two.exr")} + kQuick).code, 0);
+  EXPECT_TRUE(contents(path("one.exr")) == contents(path("two.exr")));
+}
+
+TEST_F(Service, PausedJobWaitsAndResumedJobEnds) {
+  start_coordinator();
+  const std::string job = submit(kQuick);
+  EXPECT_EQ(woodcock({"pause", job}).code, 0);
+  start_worker();
+  std::this_thread::sleep_for(seconds(2));
+  EXPECT_EQ(show(job)["progress"]["tasks_done"], 0);
+  EXPECT_EQ(show(job)["state"], "paused");
+  EXPECT_EQ(woodcock({"resume", job}).code, 0);
+  EXPECT_EQ(watch(job), 0);
+  EXPECT_THAT(woodcock({"jobs"}).out, AllOf(HasSubstr(job), HasSubstr("done")));
+}
+
+TEST_F(Service, CancelledJobEndsAndItsPartIsFetched) {
+  start_coordinator();
+  start_worker();
+  const std::string job = submit(kLong + std::vector<std::string>{"--tile", "16"});
+  wait_until_mid_job(job);
+  EXPECT_EQ(woodcock({"fetch", job, "--partial", "-o", path("part.exr")}).code, 3);
+  EXPECT_TRUE(fs::exists(path("part.exr")));
+  EXPECT_EQ(woodcock({"cancel", job}).code, 0);
+  EXPECT_EQ(watch(job), 1);
+  EXPECT_EQ(show(job)["state"], "cancelled");
+}
+
+// --- faults ------------------------------------------------------------------------------------------------------
+
+class Fault : public ServiceTest {
+ protected:
+  std::string start_long_job() { return submit(kLong + std::vector<std::string>{"--tile", "16"}); }
+  void expect_undisturbed(const std::string& job) {
+    ASSERT_EQ(watch(job), 0) << show(job).dump(2);
+    ASSERT_EQ(woodcock({"fetch", job, "-o", path("image.exr")}).code, 0);
+    EXPECT_TRUE(contents(path("image.exr")) == rendered(kLong));
+  }
+};
+
+TEST_F(Fault, F01_WorkerKilledMidTile) {
+  start_coordinator();
+  start_worker();
+  start_worker();
+  const std::string job = start_long_job();
+  wait_until_mid_job(job);
+  workers_.front()->signal(SIGKILL);
+  EXPECT_EQ(workers_.front()->wait(kPatience), 128 + SIGKILL);
+  expect_undisturbed(job);
+}
+
+TEST_F(Fault, F02_WorkerStoppedPastItsLeaseThenContinued) {
+  start_coordinator();
+  start_worker();
+  start_worker();
+  const std::string job = start_long_job();
+  wait_until_mid_job(job);
+  workers_.front()->signal(SIGSTOP);
+  std::this_thread::sleep_for(seconds(6));
+  workers_.front()->signal(SIGCONT);
+  expect_undisturbed(job);
+  EXPECT_TRUE(workers_.front()->running());
+}
+
+TEST_F(Fault, F03_CoordinatorKilledMidJobAndStartedAgain) {
+  start_coordinator();
+  start_worker();
+  start_worker();
+  const std::string job = start_long_job();
+  const auto watcher = woodcock_in_background({"watch", job});
+  wait_until_mid_job(job);
+  kill_coordinator();
+  std::this_thread::sleep_for(seconds(1));
+  restart_coordinator();
+  EXPECT_EQ(watcher->wait(kPatience), 0) << "a watch lives through the restart\n" << watcher->err();
+  expect_undisturbed(job);
+}
+
+TEST_F(Fault, F08_HungRenderIsKilledAndDoneElsewhere) {
+  start_coordinator();
+  start_worker({"--test-hook", "hang@2", "--progress-timeout", "2"});
+  const std::string job = start_long_job();
+  ASSERT_TRUE(eventually(kPatience, [&] { return workers_.front()->err().find("no progress") != std::string::npos; }))
+      << "the fault did not fire";
+  start_worker();
+  expect_undisturbed(job);
+}
+
+TEST_F(Fault, F09_WorkerThatCrashesAtEveryTaskDoesNotHarmTheJob) {
+  start_coordinator();
+  start_worker({"--test-hook", "crash@*"});
+  const std::string job = start_long_job();
+  ASSERT_TRUE(eventually(kPatience, [&] { return workers_.front()->err().find("crashed with") != std::string::npos; }))
+      << "the fault did not fire";
+  start_worker();
+  expect_undisturbed(job);
+}
+
+TEST_F(Fault, F13_ResultsOutliveTheCoordinatorsAbsence) {
+  start_coordinator(30);
+  start_worker();
+  const std::string job = start_long_job();
+  wait_until_mid_job(job);
+  kill_coordinator();
+  const fs::path spool = folder_ / "worker0" / "spool";
+  const auto holds_result = [&] {
+    for (const auto& entry : fs::directory_iterator(spool))
+      if (entry.path().extension() == ".offer") return true;
+    return false;
+  };
+  ASSERT_TRUE(eventually(kPatience, holds_result)) << "the fault did not fire";
+  workers_.front()->signal(SIGKILL);
+  workers_.front()->wait(kPatience);
+  ASSERT_TRUE(holds_result());
+  restart_coordinator(30);
+  workers_.clear();
+  start_worker();
+  ASSERT_TRUE(eventually(kPatience, [&] { return !holds_result(); })) << "the spool is handed in again";
+  expect_undisturbed(job);
+}
+
+TEST_F(Fault, DrainedWorkerEndsAndTheJobGoesOn) {
+  start_coordinator();
+  start_worker();
+  start_worker();
+  const std::string job = start_long_job();
+  wait_until_mid_job(job);
+  workers_.front()->signal(SIGTERM);
+  EXPECT_EQ(workers_.front()->wait(kPatience), 0) << workers_.front()->err();
+  expect_undisturbed(job);
+}
+
+// --- wrong use ---------------------------------------------------------------------------------------------------
+
+class WrongUse : public ServiceTest {};
+
+TEST_F(WrongUse, AbsentCoordinatorIsSaidWithinFiveSeconds) {
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"jobs"}, {"show", "x"}, {"watch", "x"}, {"fetch", "x"}, {"cancel", "x"}, {"submit", kCornell}}) {
+    const Run run = woodcock(command);
+    EXPECT_EQ(run.code, 1) << command[0];
+    EXPECT_LT(run.seconds, 5) << command[0];
+    EXPECT_THAT(run.err, AllOf(HasSubstr("no coordinator answers at 127.0.0.1:1"), HasSubstr("woodcock up")));
+    EXPECT_EQ(run.out, "");
+  }
+}
+
+TEST_F(WrongUse, UnknownJobIsAnError) {
+  start_coordinator();
+  for (const char* command : {"show", "watch", "fetch", "cancel", "pause", "resume"})
+    EXPECT_EQ(woodcock({command, "nosuchjob"}).code, 1) << command;
+}
+
+TEST_F(WrongUse, WrongArgumentsAreCodeTwo) {
+  EXPECT_EQ(woodcock({"submit"}).code, 2);
+  EXPECT_EQ(woodcock({"submit", kCornell, "--frames", "5-1"}).code, 2);
+  EXPECT_EQ(woodcock({"submit", kCornell, "--spp", "0"}).code, 2);
+  EXPECT_EQ(woodcock({"extend", "x"}).code, 2);
+  EXPECT_EQ(woodcock({"nosuchcommand"}).code, 2);
+  Program worker("woodcock-worker", {"--slots", "0", "--dir", path("w")}, folder_ / "wrong");
+  EXPECT_EQ(worker.wait(kPatience), 2);
+  Program without_folder("woodcock-worker", {}, folder_ / "wrong2");
+  EXPECT_EQ(without_folder.wait(kPatience), 2);
+}
+
+TEST_F(WrongUse, OutputThatCannotBeWrittenIsSaidBeforeTheWork) {
+  start_coordinator();
+  const Run run = woodcock({"submit", kCornell, "-o", path("no/such/folder/image.exr")});
+  EXPECT_EQ(run.code, 1);
+  EXPECT_THAT(run.err, HasSubstr("no/such/folder"));
+  EXPECT_EQ(nlohmann::json::parse(woodcock({"jobs", "--json"}).out)["jobs"].size(), 0u);
+}
+
+TEST_F(WrongUse, ErrorInTheSceneIsSaidWithItsPlaceBeforeAnythingIsSent) {
+  std::ofstream(path("bad.pbrt")) << "WorldBegin\nShape \"sphere\" \"float radios\" 1\n";
+  const Run run = woodcock({"submit", path("bad.pbrt")});
+  EXPECT_EQ(run.code, 1);
+  EXPECT_THAT(run.err, AllOf(HasSubstr("bad.pbrt:2:"), HasSubstr("radios")));
+}
+
+TEST_F(WrongUse, PortInUseEndsTheSecondCoordinator) {
+  start_coordinator();
+  Program second("woodcock-coordinator", {"--dir", path("other"), "--listen", address_}, folder_ / "second");
+  EXPECT_EQ(second.wait(kPatience), 1);
+  EXPECT_THAT(second.err(), HasSubstr(address_));
+}
+
+// --- up ----------------------------------------------------------------------------------------------------------
+
+class Up : public ServiceTest {};
+
+/// Processes that have `text` in their command line.
+int processes_with(const std::string& text) {
+  int count = 0;
+  for (const auto& entry : fs::directory_iterator("/proc")) {
+    std::error_code ignored;
+    if (entry.path().filename().string().find_first_not_of("0123456789") != std::string::npos) continue;
+    if (contents(entry.path() / "cmdline").find(text) != std::string::npos) ++count;
+  }
+  return count;
+}
+
+TEST_F(Up, ServesJobsAndLeavesNoProcess) {
+  const auto up =
+      woodcock_in_background({"up", "--workers", "2", "--threads-per-worker", "1", "--port", "0", "--dir", path("up"), "--json"});
+  ASSERT_TRUE(eventually(kPatience, [&] { return up->out().find('\n') != std::string::npos || !up->running(); }));
+  ASSERT_TRUE(up->running()) << up->err();
+  address_ = nlohmann::json::parse(up->out())["address"];
+  ASSERT_EQ(woodcock({"submit", "-o", path("image.exr")} + kQuick).code, 0);
+  EXPECT_TRUE(contents(path("image.exr")) == rendered(kQuick));
+  up->signal(SIGINT);
+  EXPECT_EQ(up->wait(kPatience), 0) << up->err();
+  EXPECT_TRUE(eventually(seconds(10), [&] { return processes_with(path("up")) == 0; }));
+}
+
+TEST_F(Up, KilledOutrightItStillLeavesNoProcess) {
+  const auto up = woodcock_in_background({"up", "--workers", "1", "--port", "0", "--dir", path("up"), "--json"});
+  ASSERT_TRUE(eventually(kPatience, [&] { return up->out().find('\n') != std::string::npos || !up->running(); }));
+  EXPECT_GE(processes_with(path("up")), 3);
+  up->signal(SIGKILL);
+  up->wait(kPatience);
+  EXPECT_TRUE(eventually(seconds(20), [&] { return processes_with(path("up")) == 0; }));
+}
+
+}  // namespace
+}  // namespace woodcock::testing_service

@@ -1,0 +1,68 @@
+// A render child must not grow from task to task: it lives for days.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "worker/frame_task_renderer.h"
+
+namespace woodcock {
+namespace {
+
+/// Resident memory of this process, MiB.
+double resident_mib() {
+  std::ifstream file("/proc/self/statm");
+  double total = 0, resident = 0;
+  file >> total >> resident;
+  return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) / (1 << 20);
+}
+
+TEST(RenderChild, MemoryDoesNotGrowOver200Tasks) {
+  const std::filesystem::path output = std::filesystem::path(::testing::TempDir()) / ("memory_" + std::to_string(::getpid()) + ".exr");
+  FrameTaskRenderer renderer;
+  RenderCommand command;
+  command.scene_path = std::string(WOODCOCK_SOURCE_DIR) + "/scenes/cornell.pbrt";
+  command.settings.resolution = {64, 64};
+  command.x1 = command.y1 = 32;
+  command.sample_end = 1;
+  command.threads = 2;
+  command.output_path = output;
+  double early = 0;
+  for (int task = 0; task < 200; ++task) {
+    command.sample_begin = task, command.sample_end = task + 1;
+    renderer.begin();
+    const auto tile = renderer.render(command);
+    ASSERT_TRUE(tile.has_value());
+    ASSERT_EQ(tile->world_reused, task > 0);
+    if (task == 40) early = resident_mib();
+  }
+  EXPECT_LT(resident_mib() - early, 4) << "MiB in 160 tasks";
+  std::filesystem::remove(output);
+}
+
+TEST(RenderChild, KeepsTheLastTwoWorlds) {
+  const std::filesystem::path output = std::filesystem::path(::testing::TempDir()) / ("worlds_" + std::to_string(::getpid()) + ".exr");
+  FrameTaskRenderer renderer;
+  const auto reused = [&](const char* scene, int seed) {
+    RenderCommand command;
+    command.scene_path = std::string(WOODCOCK_SOURCE_DIR) + "/scenes/" + scene;
+    command.settings.resolution = {16, 16};
+    command.settings.seed = seed;
+    command.x1 = command.y1 = 8;
+    command.sample_end = 1;
+    command.output_path = output;
+    renderer.begin();
+    return renderer.render(command)->world_reused;
+  };
+  EXPECT_FALSE(reused("cornell.pbrt", 1));
+  EXPECT_FALSE(reused("sphere.pbrt", 1));
+  EXPECT_TRUE(reused("cornell.pbrt", 1));
+  EXPECT_FALSE(reused("cornell.pbrt", 2)) << "other settings are another world";
+  EXPECT_TRUE(reused("cornell.pbrt", 1));
+  EXPECT_FALSE(reused("sphere.pbrt", 1)) << "used least recently";
+  std::filesystem::remove(output);
+}
+
+}  // namespace
+}  // namespace woodcock
