@@ -8,6 +8,8 @@
 
 #include "client/job_view.h"
 #include "client/output_path.h"
+#include "client/price.h"
+#include "renderer/accuracy/error.h"
 #include "renderer/film/png.h"
 #include "rpc/blob_transfer.h"
 
@@ -71,12 +73,16 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
                               {"complete", complete},
                               {"statistics", statistics_json(response.statistics())}});
     if (options.quiet) continue;
-    fmt::print("{}: {}{}\n", path.string(), error_line(response.statistics()), complete ? "" : " (not complete)");
+    fmt::print("{}: frame {}{}\n", path.string(), status.frame(), complete ? "" : ", not complete");
     fmt::print("{}: the same picture to look at\n", png.string());
+    const ErrorEstimate error = estimate_error(path);
+    fmt::print("{}", format_error(error));
+    if (complete && job.frame_count() == 1 && job.settings().samples() > 0)
+      fmt::print("{}", format_price(error, job.progress().worker_seconds() / static_cast<double>(job.settings().samples())));
   }
   if (fetched.frames.empty()) throw std::runtime_error(fmt::format("job {} has no frame {}", job.job_id(), options.frame.value_or(0)));
-  if (!options.quiet)
-    if (const std::string price = price_line(job); !price.empty()) fmt::print("{}\n", price);
+  if (!options.quiet && fetched.complete)
+    fmt::print("more samples: woodcock extend {} --spp N (times above are of one thread)\n", job.job_id());
   return fetched;
 }
 

@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cctype>
 
-#include "client/progress_line.h"
-
 namespace woodcock {
 namespace {
 
@@ -104,14 +102,6 @@ std::string error_line(const v1::FrameStatistics& statistics) {
                        100 * statistics.relative_error_half_width());
   if (statistics.missing_pixels() > 0) line += fmt::format("; {} pixels lack samples and are empty", statistics.missing_pixels());
   return line;
-}
-
-std::string price_line(const v1::Job& job) {
-  const double spent = job.progress().worker_seconds();
-  const int64_t samples = job.settings().samples();
-  if (!(spent > 0) || samples <= 0 || job.state() != v1::JOB_STATE_DONE) return "";
-  return fmt::format("half the error takes 4 times the samples: woodcock extend {} --spp {} costs about {} of processor time more",
-                     job.job_id(), 4 * samples, format_seconds(3 * spent));
 }
 
 }  // namespace woodcock

@@ -23,8 +23,4 @@ nlohmann::json statistics_json(const v1::FrameStatistics& statistics);
 /// "error 1.2 % of the mean (95 % interval 1.1 % to 1.3 %)", and what else a user should know of a frame's image.
 std::string error_line(const v1::FrameStatistics& statistics);
 
-/// What a smaller error would cost, from what this job cost so far; empty where nothing was measured. The error falls with
-/// the square root of the number of samples.
-std::string price_line(const v1::Job& job);
-
 }  // namespace woodcock

@@ -150,10 +150,10 @@ std::unique_ptr<Program> ServiceTest::woodcock_in_background(const std::vector<s
       std::map<std::string, std::string>{{"WOODCOCK_COORDINATOR", address_.empty() ? "127.0.0.1:1" : address_}});
 }
 
-Run ServiceTest::woodcock(const std::vector<std::string>& arguments, milliseconds timeout) {
+Ended ServiceTest::woodcock(const std::vector<std::string>& arguments, milliseconds timeout) {
   const auto begin = steady_clock::now();
   const auto program = woodcock_in_background(arguments);
-  Run run;
+  Ended run;
   const std::optional<int> code = program->wait(timeout);
   EXPECT_TRUE(code.has_value()) << "woodcock " << arguments[0] << " has not ended in time\n" << program->err();
   run.code = code.value_or(-1);
@@ -166,13 +166,13 @@ Run ServiceTest::woodcock(const std::vector<std::string>& arguments, millisecond
 std::string ServiceTest::submit(const std::vector<std::string>& arguments) {
   std::vector<std::string> words{"submit"};
   words.insert(words.end(), arguments.begin(), arguments.end());
-  const Run run = woodcock(words);
+  const Ended run = woodcock(words);
   EXPECT_EQ(run.code, 0) << run.err;
   return run.out.substr(0, run.out.find('\n'));
 }
 
 nlohmann::json ServiceTest::show(const std::string& job) {
-  const Run run = woodcock({"show", job, "--json"});
+  const Ended run = woodcock({"show", job, "--json"});
   EXPECT_EQ(run.code, 0) << run.err;
   return nlohmann::json::parse(run.out, nullptr, false);
 }
@@ -192,7 +192,7 @@ std::string ServiceTest::rendered(const std::vector<std::string>& arguments) {
   const std::string output = path("reference" + std::to_string(++runs_) + ".exr");
   std::vector<std::string> words{"render", "-o", output};
   words.insert(words.end(), arguments.begin(), arguments.end());
-  const Run run = woodcock(words);
+  const Ended run = woodcock(words);
   EXPECT_EQ(run.code, 0) << run.err;
   return contents(output);
 }

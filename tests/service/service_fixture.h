@@ -42,7 +42,7 @@ class Program {
 };
 
 /// How a program that ended did so.
-struct Run {
+struct Ended {
   int code = -1;
   std::string out, err;
   double seconds = 0;
@@ -67,7 +67,7 @@ class ServiceTest : public ::testing::Test {
   Program& start_worker(const std::vector<std::string>& more = {});
 
   /// Runs `woodcock` to its end.
-  Run woodcock(const std::vector<std::string>& arguments, std::chrono::milliseconds timeout = kPatience);
+  Ended woodcock(const std::vector<std::string>& arguments, std::chrono::milliseconds timeout = kPatience);
   /// Starts `woodcock` and returns.
   std::unique_ptr<Program> woodcock_in_background(const std::vector<std::string>& arguments);
   /// A submit that returns at once; the job's id.
