@@ -6,6 +6,7 @@
 #include <spdlog/spdlog.h>
 #include <CLI/CLI.hpp>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -88,6 +89,8 @@ int main(int argc, char** argv) {
     return 2;
   }
   options.scheduler.lease = lease_seconds * kSecond;
+  // A held call renews nothing: with short leases it must come back several times within one.
+  options.busy_sync_hold = std::min(options.busy_sync_hold, options.scheduler.lease / 4);
   options.scheduler.grace = grace_seconds * kSecond;
   options.min_free_bytes = min_free_mib << 20;
   options.pin = pin_seconds * kSecond;
