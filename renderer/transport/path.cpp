@@ -39,15 +39,23 @@ Rgb seen_length(Rgb sigma, float t) {
 
 /// One path. Members carry what the next event needs; see trace_path for the equation.
 ///
-/// Extinction may differ between channels. The path is sampled for one hero channel chosen uniformly; `channel_pdf`
-/// holds each channel's density of the same path relative to the hero's, and dividing by its mean is the balance
-/// heuristic over the three techniques (Wilkie et al. 2014; Miller, Georgiev & Jarosz 2019, section 5). It stays
-/// exactly (1, 1, 1) in grey media.
+/// Extinction may differ between channels. Each decision is then drawn from a mixture of the channels' densities,
+/// every channel with a share in proportion to its throughput β, and β is divided by that mixture: the balance
+/// heuristic over one technique a channel (Veach 1997, section 9.2.2; Wilkie et al. 2014; shares that know the path so
+/// far: Kutz, Habel, Li & Novák 2017). The sum of β over the channels then never grows, whatever the coefficients,
+/// and a channel without extinction is no special case.
 class Path {
  public:
   Path(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count)
-      : world_(world), settings_(settings), count_(count), key_(key), ray_(ray), medium_(world.camera_medium), flight_(0), crossing_(0) {
-    if (world.has_chromatic_media) hero_ = std::min(2, static_cast<int>(stream(key, 0, Purpose::kHeroChannel).uniform() * 3));
+      : world_(world),
+        settings_(settings),
+        count_(count),
+        key_(key),
+        ray_(ray),
+        medium_(world.camera_medium),
+        flight_(0),
+        channel_(0),
+        crossing_(0) {
     begin_segment();
   }
 
@@ -82,13 +90,12 @@ class Path {
   }
 
  private:
-  /// Throughput with the MIS over hero channels applied.
-  Rgb weight() const { return beta_ / average(channel_pdf_); }
-  void add(Rgb radiance) { result_.radiance += weight() * radiance; }
+  void add(Rgb radiance) { result_.radiance += beta_ * radiance; }
 
   /// New numbers for the flight from the current vertex; they go on across interfaces.
   void begin_segment() {
     flight_ = stream(key_, vertex_, Purpose::kFreeFlight);
+    channel_ = stream(key_, vertex_, Purpose::kHeroChannel);
     crossing_ = stream(key_, vertex_, Purpose::kMaterial);
   }
 
@@ -111,30 +118,42 @@ class Path {
       ended_ = is_black(beta_);
       return std::nullopt;
     }
-    const float hero_sigma = sigma_t[hero_];
+    if (medium.is_grey()) {
+      const float t = flight_.exponential() / sigma_t.x;
+      if (t >= t_max) return std::nullopt;
+      beta_ *= m.sigma_s / sigma_t.x;
+      return t;
+    }
+    const Rgb share = beta_ / (beta_.r + beta_.g + beta_.b);
+    const int hero = choose_channel(share);
+    const float hero_sigma = sigma_t[hero];
     const float t = hero_sigma > 0 ? flight_.exponential() / hero_sigma : kInf;
-    // Densities relative to the hero's: exp(−(σt − σt_hero) t), formed in the exponent so that nothing underflows.
-    const Rgb excess = sigma_t - Rgb(hero_sigma);
+    const bool through = t >= t_max;
+    // Transmittances relative to the hero's: exp(−(σt − σt_hero) t), formed in the exponent so that the ratio of two
+    // numbers too small for a float is right.
     Rgb relative{1};
-    const float reached = std::min(t, t_max);
     for (int c = 0; c < 3; ++c) {
-      if (excess[c] != 0) relative[c] = std::exp(-excess[c] * reached);
+      if (sigma_t[c] != hero_sigma) relative[c] = std::exp((hero_sigma - sigma_t[c]) * std::min(t, t_max));
     }
-    if (t >= t_max) {
-      beta_ *= relative;
-      channel_pdf_ *= relative;
-      return std::nullopt;
-    }
-    beta_ *= relative * m.sigma_s / hero_sigma;
-    channel_pdf_ *= relative * sigma_t / hero_sigma;
+    const Rgb value = through ? relative : relative * m.sigma_s, density = through ? relative : relative * sigma_t;
+    const float mixture = glm::dot(share, density);
+    beta_ *= mixture > 0 ? value / mixture : Rgb(0);
     ended_ = is_black(beta_);
+    if (through) return std::nullopt;
     return t;
+  }
+
+  /// A channel with probability `share`, which sums to one.
+  int choose_channel(Rgb share) {
+    const float u = channel_.uniform();
+    if (u < share.r) return 0;
+    return u < share.r + share.g || !(share.b > 0) ? 1 : 2;
   }
 
   /// Woodcock tracking with weights: at a tentative collision under the majorant σ̄ the path scatters with probability
   /// q = σs/(σs + σn), σn = σ̄ − σt, and goes on otherwise; either way its weight is (σs + σn)/σ̄ = 1 − σa/σ̄, so that
-  /// absorption dims paths and never kills them (Raab, Seibert & Keller 2006; Galtier et al. 2013). Emission adds
-  /// σa Le/σ̄ at every tentative collision.
+  /// absorption dims paths and never kills them (Raab, Seibert & Keller 2006; Galtier et al. 2013). Channels share σ̄,
+  /// so their mixture needs no more than q = β·σs / β·(σs + σn). Emission adds σa Le/σ̄ at every tentative collision.
   std::optional<float> fly_grid(const Medium& medium, float t_max) {
     const bool scatters = medium.scatters() && may_scatter();
     if (!scatters && !medium.emits()) {
@@ -157,27 +176,15 @@ class Path {
         }
       }
       const Rgb sigma_s = scatters ? m.sigma_s : Rgb(0);
-      const float hero_sum = sigma_s[hero_] + sigma_n[hero_];
-      const float q = hero_sum > 0 ? sigma_s[hero_] / hero_sum : 0;
+      const float sum = glm::dot(beta_, sigma_s + sigma_n);
+      if (!(sum > 0)) {
+        // Every channel that still carries light is absorbed here.
+        ended_ = true;
+        return std::nullopt;
+      }
+      const float q = glm::dot(beta_, sigma_s) / sum;
       const bool real = scatters && flight_.uniform() < q;
-      const float probability = real ? q : 1 - q;
-      if (!(probability > 0)) {
-        // Nothing scatters and nothing is null here: the hero channel is absorbed.
-        ended_ = true;
-        return std::nullopt;
-      }
-      beta_ *= (real ? sigma_s : sigma_n) * (inverse / probability);
-      if (world_.has_chromatic_media) {
-        for (int c = 0; c < 3; ++c) {
-          const float sum = sigma_s[c] + sigma_n[c];
-          const float qc = sum > 0 ? sigma_s[c] / sum : 0;
-          channel_pdf_[c] *= (real ? qc : 1 - qc) / probability;
-        }
-      }
-      if (is_black(beta_)) {
-        ended_ = true;
-        return std::nullopt;
-      }
+      beta_ *= (real ? sigma_s : sigma_n) * (inverse / (real ? q : 1 - q));
       if (real) return collisions.t();
     }
     return std::nullopt;
@@ -327,19 +334,13 @@ class Path {
   void after_scattering(Vec3 at) {
     reference_ = at;
     travelled_ = 0;
-    if (world_.has_chromatic_media) {
-      // Only the ratio of the two counts: kept near one, thousands of scatterings neither overflow nor vanish.
-      const float largest = max_component(channel_pdf_);
-      beta_ /= largest;
-      channel_pdf_ /= largest;
-    }
     begin_segment();
   }
 
   /// Russian roulette on the throughput relative to what refraction alone does to radiance (η²).
   bool survives_roulette() {
     if (depth_ < 2) return true;
-    const float q = max_component(weight()) * eta_scale_;
+    const float q = max_component(beta_) * eta_scale_;
     if (q >= 1) return true;
     if (!(q > 0) || stream(key_, vertex_, Purpose::kRoulette).uniform() >= q) return false;
     beta_ /= q;
@@ -354,10 +355,8 @@ class Path {
 
   Ray ray_;
   int medium_;
-  Stream flight_, crossing_;
+  Stream flight_, channel_, crossing_;
   Rgb beta_{1};
-  Rgb channel_pdf_{1};
-  int hero_ = 0;
   int depth_ = 0;
   uint32_t vertex_ = 0;
   float eta_scale_ = 1;

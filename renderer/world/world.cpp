@@ -139,7 +139,6 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
                                                 {},
                                                 kNone,
                                                 false,
-                                                false,
                                                 std::move(notes)});
   world->materials = Materials(scene, world->textures);
   world->media = Media(scene, space.render_from_world, space.scale);
@@ -157,7 +156,6 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
   for (const auto& o : scene.objects) {
     for (const auto& s : o.shapes) add_surface(s, index++);
   }
-  for (int m = 0; m < world->media.size(); ++m) world->has_chromatic_media |= !world->media[m].is_grey();
 
   const int found = find_medium(world->geometry, world->surfaces, world->camera.position());
   world->camera_medium = found;

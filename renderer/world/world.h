@@ -55,8 +55,6 @@ struct World {
   int camera_medium = kNone;
   /// Some shadow ray may have to go on behind a surface (interfaces, partial opacity).
   bool has_passable_surfaces = false;
-  /// Some medium's extinction differs between channels.
-  bool has_chromatic_media = false;
   /// Where the scene was read differently than written, for the user.
   std::vector<std::string> notes;
 

@@ -1,0 +1,143 @@
+// In a furnace of radiance one where nothing absorbs, every path carries radiance one in the mean: whatever scatters,
+// in whatever medium, and wherever the camera stands (hard cases N11, N12, N14, N17, N43).
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "tests/transport/estimate.h"
+
+namespace woodcock::testing {
+namespace {
+
+constexpr int kDeep = 1000000;
+constexpr Rgb kOne{1};
+
+struct Furnace {
+  std::string name;
+  std::string text;
+  double expected = 1;
+  double slack = 0;  ///< relative: what a model is known to lose at most
+  int samples = 60000;
+  double resolution = 2e-3;
+};
+void PrintTo(const Furnace& furnace, std::ostream* out) { *out << furnace.name; }
+
+std::string looking_at_ball(int depth = kDeep) { return perspective({0, 0, 4}, {0, 0, 0}, 30, depth); }
+
+Furnace ball(const std::string& name, const std::string& material, double slack = 0) {
+  return {name, looking_at_ball() + "WorldBegin\n" + environment(1) + material + "\n" + sphere(1), 1, slack};
+}
+
+std::vector<Furnace> furnaces() {
+  std::vector<Furnace> all;
+  all.push_back(ball("Diffuse", "Material \"diffuse\" \"rgb reflectance\" [ 1 1 1 ]"));
+  all.push_back(ball("SmoothGlass", "Material \"dielectric\""));
+  all.push_back(ball("DenseGlass", "Material \"dielectric\" \"float eta\" 2.4"));
+  all.push_back(ball("LighterThanOutside", "Material \"dielectric\" \"float eta\" 0.7"));
+  all.push_back(ball("IndexMatchedGlass", "Material \"dielectric\" \"float eta\" 1"));
+  // Facets of rough glass scatter once; what would scatter again is lost, more of it the rougher and the longer light
+  // is caught inside. The loss must vanish with the roughness.
+  all.push_back(ball("HardlyRoughGlass", "Material \"dielectric\" \"float roughness\" 0.005 \"bool remaproughness\" false", 0.003));
+  all.push_back(ball("RoughGlass", "Material \"dielectric\" \"float roughness\" 0.1 \"bool remaproughness\" false", 0.06));
+  all.push_back(ball("ThinGlass", "Material \"thindielectric\""));
+  all.push_back(
+      ball("DiffuseTransmission", "Material \"diffusetransmission\" \"rgb reflectance\" [ .3 .3 .3 ] \"rgb transmittance\" [ .7 .7 .7 ]"));
+  all.push_back(ball("MixOfLossless",
+                     "MakeNamedMaterial \"a\" \"string type\" \"diffuse\" \"rgb reflectance\" [ 1 1 1 ]\n"
+                     "MakeNamedMaterial \"b\" \"string type\" \"dielectric\"\n"
+                     "Material \"mix\" \"string materials\" [ \"a\" \"b\" ] \"float amount\" 0.4"));
+  all.push_back(ball("MixWithInterface",
+                     "MakeNamedMaterial \"a\" \"string type\" \"diffuse\" \"rgb reflectance\" [ 1 1 1 ]\n"
+                     "MakeNamedMaterial \"b\" \"string type\" \"interface\"\n"
+                     "Material \"mix\" \"string materials\" [ \"a\" \"b\" ] \"float amount\" 0.4"));
+  all.push_back(ball("Interface", "Material \"interface\""));
+  all.push_back({"HalfTransparent", looking_at_ball() + "WorldBegin\n" + environment(1) +
+                                        "Material \"diffuse\" \"rgb reflectance\" [ 1 1 1 ]\n"
+                                        "Shape \"sphere\" \"float radius\" 1 \"float alpha\" 0.5\n"});
+
+  const double half = 1.5;
+  const Rgb none(0), sigma(2);
+  const auto in_ball = [&](const std::string& name, const std::string& medium, const std::string& material) {
+    all.push_back(
+        {name, looking_at_ball() + "WorldBegin\n" + environment(1) + medium + material + "\nMediumInterface \"m\" \"\"\n" + sphere(1)});
+  };
+  const std::string interface = "Material \"interface\"", glass = "Material \"dielectric\" \"float eta\" 1.3";
+  in_ball("Homogeneous", homogeneous("m", none, sigma, 0.6), interface);
+  in_ball("ConstantGrid", constant_grid("m", none, sigma, half, 0.6), interface);
+  in_ball("ConstantRgbGrid", constant_rgb_grid("m", none, sigma, half, -0.6), interface);
+  in_ball("ChromaticHomogeneous", homogeneous("m", none, {0, 1, 4}), interface);
+  all.back().resolution = 7e-3;
+  in_ball("ChromaticGrid", constant_grid("m", none, {4, 0, 1}, half), interface);
+  all.back().resolution = 7e-3;
+  in_ball("ChromaticRgbGrid", constant_rgb_grid("m", none, {1, 4, 0}, half), interface);
+  all.back().resolution = 7e-3;
+  in_ball("Cloud",
+          "MakeNamedMedium \"m\" \"string type\" \"cloud\" \"rgb sigma_a\" [ 0 0 0 ] \"rgb sigma_s\" [ 6 6 6 ] \"float g\" 0.4 \"float "
+          "density\" 2\n \"point3 p0\" [ -1 -1 -1 ] \"point3 p1\" [ 1 1 1 ]\n",
+          interface);
+  in_ball(
+      "SpottyGrid",
+      "MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"integer nx\" 2 \"integer ny\" 3 \"integer nz\" 2 \"rgb sigma_a\" [ 0 0 "
+      "0 ]\n \"rgb sigma_s\" [ 3 3 3 ] \"point3 p0\" [ -1 -1 -1 ] \"point3 p1\" [ 1 1 1 ] \"float density\" [ 0 4 1 0 0 9 0 0 2 0 .1 0 ]\n",
+      interface);
+  in_ball("MediumInGlass", homogeneous("m", none, sigma), glass);
+  in_ball("GridInGlass", constant_grid("m", none, sigma, half), glass);
+  in_ball("MediumInRoughGlass", homogeneous("m", none, sigma),
+          "Material \"dielectric\" \"float roughness\" 0.005 \"bool remaproughness\" false");
+  all.back().slack = 0.003;
+  in_ball("MediumInDiffuseShell", homogeneous("m", none, sigma),
+          "Material \"diffusetransmission\" \"rgb reflectance\" [ .5 .5 .5 ] \"rgb transmittance\" [ .5 .5 .5 ]");
+  // A boundary every few hundred ulps of a mean free path: what a scattering rounded onto it would lose shows here.
+  in_ball("VeryDense", homogeneous("m", none, Rgb(10000)), interface);
+  all.back().samples = 1000;
+  all.back().resolution = 0.02;
+
+  const std::string two = homogeneous("m", none, sigma, 0.3) + homogeneous("n", none, Rgb(5), -0.2);
+  const std::string nested = two + boundary("m", "", sphere(1)) + boundary("n", "m", sphere(0.5, {0.1, 0.2, 0.1}));
+  all.push_back({"MediumInMedium", looking_at_ball() + "WorldBegin\n" + environment(1) + nested});
+  all.push_back({"InterfaceInInterface", looking_at_ball() + "WorldBegin\n" + environment(1) + two + boundary("m", "", sphere(1)) +
+                                             boundary("m", "m", sphere(0.6))});
+  all.push_back({"GlassInMedium", looking_at_ball() + "WorldBegin\n" + environment(1) + two + boundary("m", "", sphere(1)) +
+                                      "AttributeBegin\nMaterial \"dielectric\"\nMediumInterface \"n\" \"m\"\n" + sphere(0.5) +
+                                      "AttributeEnd\n"});
+  all.push_back({"CameraInMedium", perspective({0.2, 0.1, 0.3}, {1, 0.4, 0.2}, 70, kDeep) + "WorldBegin\n" + environment(1) + two +
+                                       boundary("m", "", sphere(1))});
+  all.push_back({"CameraInInnerMedium", perspective({0.1, 0.1, 0.1}, {1, 0.4, 0.2}, 70, kDeep) + "WorldBegin\n" + environment(1) + nested});
+  // A camera in glass sees n² times the radiance of its surroundings (N18).
+  all.push_back(
+      {"CameraInGlass",
+       perspective({0.2, 0.1, 0.3}, {1, 0.4, 0.2}, 70, kDeep) + "WorldBegin\n" + environment(1) + "Material \"dielectric\"\n" + sphere(1),
+       2.25});
+  all.back().resolution = 0.01;
+  all.push_back({"CameraInMediumInGlass",
+                 perspective({0.2, 0.1, 0.3}, {1, 0.4, 0.2}, 70, kDeep) + "WorldBegin\n" + environment(1) + two +
+                     "Material \"dielectric\"\nMediumInterface \"m\" \"\"\n" + sphere(1),
+                 2.25});
+  all.back().resolution = 0.01;
+  // The medium that was given in the mirrored and unevenly scaled space of an instance.
+  all.push_back({"Instance", looking_at_ball() + "WorldBegin\n" + environment(1) + two +
+                                 "ObjectBegin \"o\"\nMaterial \"interface\"\nMediumInterface \"m\" \"\"\n" + sphere(1) +
+                                 "ObjectEnd\nScale -0.5 1 0.7\nObjectInstance \"o\"\n"});
+  return all;
+}
+
+class WhiteFurnace : public ::testing::TestWithParam<Furnace> {};
+
+TEST_P(WhiteFurnace, ShowsNoBody) {
+  const Furnace& f = GetParam();
+  const Estimate e = estimate(f.text, f.samples, 7);
+  for (size_t c = 0; c < 3; ++c) {
+    const double noise = kStandardErrors * e.error[c] + kRounding * f.expected;
+    const std::string report = fmt::format("channel {}: {:.7g} ± {:.2g}, expected {}", c, e.mean[c], e.error[c], f.expected);
+    EXPECT_LE(e.mean[c], f.expected + noise) << report;
+    EXPECT_GE(e.mean[c], f.expected * (1 - f.slack) - noise) << report;
+    EXPECT_LE(e.error[c], f.resolution * f.expected) << report;
+  }
+  EXPECT_EQ(e.counters.nonfinite, 0u);
+  EXPECT_EQ(e.counters.truncated, 0u);
+  EXPECT_EQ(e.counters.majorant_violations, 0u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Every, WhiteFurnace, ::testing::ValuesIn(furnaces()), [](const auto& p) { return p.param.name; });
+
+}  // namespace
+}  // namespace woodcock::testing
