@@ -108,7 +108,7 @@ class Coordinator {
   v1::Job view(const std::string& id, bool with_frames) const;
   AssembleRequest assemble_request(const Job& job, const Frame& frame, std::vector<TaskRef>& tasks) const;
   std::vector<TaskRef> damaged_tiles(const std::vector<TaskRef>& tasks, const std::vector<std::string>& paths) const;
-  void reopen(const std::vector<TaskRef>& tasks, const std::string& reason);
+  void reopen(const std::vector<TaskRef>& tasks, const std::string& reason, bool refused_by_merge);
   void assemble_one(const AssembleJob& job);
   void run_assembler();
   void run_ticker();

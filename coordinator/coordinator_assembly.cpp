@@ -38,7 +38,7 @@ std::vector<TaskRef> Coordinator::damaged_tiles(const std::vector<TaskRef>& task
   return damaged;
 }
 
-void Coordinator::reopen(const std::vector<TaskRef>& tasks, const std::string& reason) {
+void Coordinator::reopen(const std::vector<TaskRef>& tasks, const std::string& reason, bool refused_by_merge) {
   locked([&] {
     for (const TaskRef& task : tasks) {
       const Frame& frame = must_find(task.job).frames[static_cast<size_t>(task.frame)];
@@ -47,7 +47,10 @@ void Coordinator::reopen(const std::vector<TaskRef>& tasks, const std::string& r
       blobs_.remove(state.digest);
       const std::string key = result_key(frame.pinned_header(), state.area.rect, state.area.range);
       store_->write([task, key](StoreSession& session) { session.reopen_task(task, key); });
-      scheduler_->reopen(task, reason);
+      if (refused_by_merge)
+        scheduler_->result_refused(task, reason);
+      else
+        scheduler_->reopen(task, reason);
     }
     ++changes_;
   });
@@ -67,7 +70,7 @@ void Coordinator::assemble_one(const AssembleJob& work) {
   }
   if (const std::vector<TaskRef> damaged = damaged_tiles(tasks, request.tile_paths); !damaged.empty()) {
     spdlog::error("{} tiles of job {} are damaged at rest: they are rendered again", damaged.size(), work.job);
-    reopen(damaged, "the result was damaged at rest");
+    reopen(damaged, "the result was damaged at rest", false);
     return;
   }
   options_.failpoint("before-merge");
@@ -89,7 +92,8 @@ void Coordinator::assemble_one(const AssembleJob& work) {
     std::vector<TaskRef> damaged;
     for (const size_t i : result.damaged)
       if (i < tasks.size()) damaged.push_back(tasks[i]);
-    reopen(damaged, "the result is not a tile of this frame: " + result.error);
+    spdlog::error("{} results of job {} are refused by the merge: {}", damaged.size(), work.job, result.error);
+    reopen(damaged, "the result is not a tile of this frame: " + result.error, true);
     return;
   }
   const bool short_of_room = !blobs_.shortage().empty();
@@ -151,7 +155,7 @@ v1::GetFrameResponse Coordinator::frame(const std::string& id, uint64_t number, 
     request.output_path = blobs_.temporary("partial-" + std::to_string(++next_temporary_) + ".exr");
   }
   if (const std::vector<TaskRef> damaged = damaged_tiles(tasks, request.tile_paths); !damaged.empty()) {
-    reopen(damaged, "the result was damaged at rest");
+    reopen(damaged, "the result was damaged at rest", false);
     throw rpc::RpcError(grpc::StatusCode::UNAVAILABLE, "some tiles were damaged and are rendered again; ask again");
   }
   const AssembleResult result = options_.assemble_tiles(request);

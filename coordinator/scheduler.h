@@ -97,7 +97,8 @@ struct Task {
   bool retry = false;  ///< waits in Frame::retry
   uint64_t epoch = 0;  ///< of its last lease
   int64_t parent = -1, first_part = -1;
-  int expirations = 0;
+  int expirations = 0, refusals = 0;
+  std::string committed_by;  ///< worker; empty after a restart
   std::string digest;
   std::string error;
   std::vector<std::string> leases;  ///< live attempts
@@ -165,6 +166,9 @@ class Scheduler {
   void committed(const action::CommitTask& commit, Time now);
   /// The blob of a committed task is damaged or gone: the task is open again.
   void reopen(const TaskRef& task, const std::string& reason);
+  /// The merge refused a committed result: open again, for other workers first. The frame fails when a task's
+  /// results are refused again and again.
+  void result_refused(const TaskRef& task, const std::string& reason);
   void frame_assembled(const std::string& job_id, int frame, const std::string& digest, int64_t bytes, const FrameStatistics& statistics);
   void frame_failed(const std::string& job_id, int frame, const std::string& reason);
 

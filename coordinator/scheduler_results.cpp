@@ -69,6 +69,7 @@ void Scheduler::committed(const action::CommitTask& commit, Time now) {
   if (!task || task->state != TaskState::Committing) return;
   Frame& frame = *frame_of(commit.task);
   task->digest = commit.result.digest;
+  task->committed_by = commit.worker_id;
   // The winner's own lease ends by the verdict; the others are told.
   for (const std::string& id : std::vector<std::string>(task->leases))
     if (leases_.at(id).worker_id == commit.worker_id) end_lease(id, std::nullopt);
@@ -189,6 +190,17 @@ void Scheduler::reopen(const TaskRef& ref, const std::string& reason) {
   requeue(ref);
   log(ref.job, EventKind::ResultRefused, frame.spec.header.frame, to_string(ref), "", reason);
   if (!has_ended(job->row.state)) update_job(*job);
+}
+
+void Scheduler::result_refused(const TaskRef& ref, const std::string& reason) {
+  Task* task = task_of(ref);
+  if (!task || task->state != TaskState::Done) return;
+  if (!task->committed_by.empty() &&
+      std::find(task->failed_workers.begin(), task->failed_workers.end(), task->committed_by) == task->failed_workers.end())
+    task->failed_workers.push_back(task->committed_by);
+  const bool again = ++task->refusals < options_.poison_workers;
+  reopen(ref, reason);
+  if (!again) fail_frame(*job_of(ref.job), ref.frame, reason);
 }
 
 std::string Scheduler::waiting_reason(const Job& job, const Frame& frame, Time now) const {

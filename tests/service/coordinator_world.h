@@ -1,0 +1,188 @@
+// A coordinator in this process: its folder, a clock that is told, tiles made without rendering.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <stdlib.h>
+
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <future>
+#include <memory>
+#include <stdexcept>
+#include <string>
+
+#include "coordinator/coordinator.h"
+#include "renderer/film/dyadic.h"
+#include "renderer/film/exr.h"
+#include "rpc/convert.h"
+#include "rpc/manifest.h"
+#include "rpc/status.h"
+
+namespace woodcock::coordinator {
+
+/// A folder that goes with the object.
+struct TemporaryFolder {
+  TemporaryFolder() {
+    std::string pattern = std::filesystem::temp_directory_path() / "woodcock-test-XXXXXX";
+    if (!::mkdtemp(pattern.data())) throw std::runtime_error("mkdtemp");
+    path = pattern;
+  }
+  ~TemporaryFolder() { std::filesystem::remove_all(path); }
+  std::string path;
+};
+
+inline void put_blob(BlobStore& blobs, const std::string& bytes) {
+  const auto upload = blobs.begin_upload(rpc::blob_digest(bytes), static_cast<int64_t>(bytes.size()), 0, 1);
+  upload->append(bytes, 1);
+  ASSERT_TRUE(upload->finish(1));
+}
+
+class CoordinatorWorld {
+ public:
+  explicit CoordinatorWorld(const std::string& dir) : dir_(dir) { start(); }
+
+  void start() {
+    CoordinatorOptions options;
+    options.dir = dir_;
+    options.now = [this] { return now.load(); };
+    options.unix_ms = [] { return int64_t{1'700'000'000'000}; };
+    options.on_fatal = [](const std::string& reason) {
+      ADD_FAILURE() << reason;
+      abort();
+    };
+    options.min_free_bytes = 1;
+    coordinator = std::make_unique<Coordinator>(options);
+  }
+  void stop() { coordinator.reset(); }
+
+  FrameHeader header() const {
+    FrameHeader h;
+    h.scene_digest = std::string(64, 'a');
+    h.settings_digest = std::string(64, 'b');
+    h.width = h.height = 32;
+    h.bounds = {0, 0, 32, 32};
+    h.settings = {{"estimator", "auto"}};
+    return h;
+  }
+
+  v1::SubmitJobRequest request(const std::string& id, int64_t samples = 8) {
+    v1::SceneManifest manifest;
+    v1::SceneFile* file = manifest.add_files();
+    file->set_path("scene.pbrt");
+    file->set_content_digest(rpc::blob_digest("scene"));
+    file->set_bytes(5);
+    put_blob(coordinator->blobs(), "scene");
+    put_blob(coordinator->blobs(), rpc::serialize_manifest(manifest));
+    v1::SubmitJobRequest r;
+    r.set_request_id(id);
+    r.set_name("test");
+    r.mutable_settings()->set_samples(samples);
+    r.mutable_settings()->set_tile_size(16);
+    v1::FrameInput* frame = r.add_frames();
+    frame->set_manifest_digest(rpc::blob_digest(rpc::serialize_manifest(manifest)));
+    frame->set_scene_file("scene.pbrt");
+    *frame->mutable_header() = rpc::to_wire(header());
+    return r;
+  }
+
+  /// The tile of a task, every sample of which is its index + 1.
+  static std::string tile_bytes(const v1::TaskSpec& task) {
+    const FrameHeader header = rpc::from_wire(task.header());
+    Tile tile{rpc::from_wire(task.rect(), "rect"), rpc::from_wire(task.range(), "range"), {}};
+    PixelAccumulator pixel(tile.range);
+    while (!pixel.complete()) {
+      const int64_t i = pixel.next_index();
+      pixel.push(leaf(Rgb(static_cast<float>(i + 1)), {}, i));
+    }
+    tile.pixels.assign(static_cast<size_t>(tile.rect.area()), pixel.result());
+    return encode_exr(header, std::span<const Tile>(&tile, 1));
+  }
+
+  v1::SyncRequest sync_request(const std::string& worker) {
+    v1::SyncRequest r;
+    *r.mutable_protocol() = rpc::this_protocol();
+    r.set_worker_id(worker);
+    r.set_incarnation(incarnation);
+    r.set_sequence(++sequence);
+    r.set_build("build");
+    r.set_arithmetic_class("class");
+    r.set_slots(1);
+    r.set_threads(1);
+    r.set_state(v1::WORKER_STATE_READY);
+    return r;
+  }
+
+  /// Waits for the answer; the told clock runs on, so that a held call comes back.
+  std::pair<grpc::Status, v1::SyncResponse> sync(const v1::SyncRequest& request) {
+    std::promise<std::pair<grpc::Status, v1::SyncResponse>> promise;
+    auto future = promise.get_future();
+    coordinator->sync(request, [&](const grpc::Status& status, const v1::SyncResponse& response) {
+      promise.set_value({status, response});
+    });
+    while (future.wait_for(std::chrono::milliseconds(50)) != std::future_status::ready) now += kSecond;
+    return future.get();
+  }
+
+  /// Renders for `worker` until nothing is granted any more. Returns how many tiles were committed.
+  int work(const std::string& worker, int limit = 1000) {
+    std::map<std::string, v1::LeaseGrant> held;
+    int committed = 0;
+    uint64_t counter = 0;
+    for (int idle = 0; idle < 2 && committed < limit;) {
+      v1::SyncRequest request = sync_request(worker);
+      std::string offered;
+      for (const auto& [id, grant] : held) {
+        if (offered.empty()) {
+          const std::string tile = tile_bytes(grant.task());
+          put_blob(coordinator->blobs(), tile);
+          v1::ResultOffer* offer = request.add_offers();
+          offer->set_lease_id(id);
+          offer->set_task_id(grant.task().task_id());
+          offer->set_epoch(grant.epoch());
+          offer->set_result_key(grant.task().result_key());
+          offer->set_result_digest(rpc::blob_digest(tile));
+          offer->set_bytes(static_cast<int64_t>(tile.size()));
+          offered = id;
+        } else {
+          v1::LeaseReport* lease = request.add_leases();
+          lease->set_lease_id(id);
+          lease->set_task_id(grant.task().task_id());
+          lease->set_epoch(grant.epoch());
+          lease->set_renewal_counter(++counter);
+          lease->set_phase(v1::LEASE_PHASE_RENDERING);
+        }
+      }
+      const auto [status, response] = sync(request);
+      EXPECT_TRUE(status.ok()) << status.error_message();
+      for (const v1::OfferVerdict& verdict : response.verdicts()) {
+        EXPECT_EQ(verdict.verdict(), v1::VERDICT_COMMITTED) << verdict.reason();
+        held.erase(verdict.lease_id());
+        ++committed;
+      }
+      for (const v1::LeaseGrant& grant : response.grants()) held[grant.lease_id()] = grant;
+      idle = held.empty() ? idle + 1 : 0;
+    }
+    return committed;
+  }
+
+  v1::Job wait_until_ended(const std::string& id) {
+    for (int i = 0; i < 400; ++i) {
+      const v1::Job job = coordinator->job(id);
+      if (job.state() >= v1::JOB_STATE_DONE) return job;
+      now += kSecond;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    ADD_FAILURE() << "the job does not end";
+    return {};
+  }
+
+  std::atomic<Time> now{1000 * kSecond};
+  uint64_t sequence = 0, incarnation = 1;
+  std::unique_ptr<Coordinator> coordinator;
+
+ private:
+  std::string dir_;
+};
+
+}  // namespace woodcock::coordinator

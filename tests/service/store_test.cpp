@@ -1,0 +1,173 @@
+#include "coordinator/store.h"
+
+#include <gtest/gtest.h>
+#include <soci/soci.h>
+#include <soci/sqlite3/soci-sqlite3.h>
+
+#include "coordinator/blob_store.h"
+#include "rpc/manifest.h"
+#include "tests/service/coordinator_world.h"
+#include "tests/service/scheduler_fixture.h"
+
+namespace woodcock::coordinator {
+namespace {
+
+StoreOptions options(const std::string& dir) {
+  return {dir, "127.0.0.1:1", [](const std::string& reason) { FAIL() << reason; }, 512};
+}
+
+ResultRecord result(char digest) { return {std::string(64, 'k'), std::string(64, digest), 10, {1, 2, 3}}; }
+
+TEST(Store, WhatWasWrittenIsThereAfterARestartAndTheTermGrows) {
+  const TemporaryFolder folder;
+  JobSpec spec = test_job("j1");
+  spec.settings.seed = ~uint64_t{0};
+  spec.rounds = {{0, 64}, {64, 96}};
+  {
+    Store store(options(folder.path));
+    EXPECT_EQ(store.term(), 1u);
+    EXPECT_TRUE(store.read([&](StoreSession& s) { return s.insert_job(spec); }));
+    store.read([&](StoreSession& s) { return s.commit_task({"j1", 0, 3}, -1, result('d')); });
+    store.write([&](StoreSession& s) { s.save_lease({"L1-1", {"j1", 0, 4}, "w1", (uint64_t{7} << 32) + 1}); });
+    store.write([&](StoreSession& s) { s.append_event("j1", {1, 5, EventKind::Submitted, 12, "", "", "it's \"here\""}); });
+  }
+  Store store(options(folder.path));
+  EXPECT_EQ(store.term(), 2u);
+  const std::vector<RecoveredJob> jobs = store.read([](StoreSession& s) { return s.load_jobs(); });
+  ASSERT_EQ(jobs.size(), 1u);
+  EXPECT_EQ(jobs[0].spec.rounds, spec.rounds);
+  EXPECT_EQ(jobs[0].spec.settings.seed, spec.settings.seed);
+  EXPECT_EQ(jobs[0].spec.frames.at(0).header, spec.frames[0].header);
+  EXPECT_EQ(jobs[0].row.last_event, 1);
+  ASSERT_EQ(jobs[0].settled.size(), 1u);
+  EXPECT_EQ(jobs[0].settled[0].number, 3);
+  EXPECT_EQ(jobs[0].settled[0].result.digest, std::string(64, 'd'));
+  const std::vector<LeaseRow> leases = store.read([](StoreSession& s) { return s.load_leases(); });
+  ASSERT_EQ(leases.size(), 1u);
+  EXPECT_EQ(leases[0].epoch, (uint64_t{7} << 32) + 1);
+  const std::vector<JobEvent> events = store.read([](StoreSession& s) { return s.events("j1", 0, 10); });
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].message, "it's \"here\"");
+  EXPECT_EQ(events[0].frame, 12u);
+}
+
+TEST(Store, ATaskCommitsOnceAndAPartOnlyIfItsParentWasSplit) {
+  const TemporaryFolder folder;
+  Store store(options(folder.path));
+  store.read([](StoreSession& s) { return s.insert_job(test_job("j1")); });
+  const auto commit = [&](int64_t number, int64_t parent, char digest) {
+    return store.read([&](StoreSession& s) { return s.commit_task({"j1", 0, number}, parent, result(digest)); });
+  };
+  EXPECT_TRUE(commit(0, -1, 'd'));
+  EXPECT_FALSE(commit(0, -1, 'e'));
+  EXPECT_FALSE(commit(16, 1, 'd'));
+  SettledTask split;
+  split.state = TaskState::Split;
+  split.first_part = 16;
+  EXPECT_TRUE(store.read([&](StoreSession& s) { return s.settle_task({"j1", 0, 1}, split); }));
+  EXPECT_TRUE(commit(16, 1, 'd'));
+  EXPECT_FALSE(commit(1, -1, 'd'));
+}
+
+TEST(Store, TheFolderIsOpenedOnce) {
+  const TemporaryFolder folder;
+  const Store store(options(folder.path));
+  EXPECT_THROW(Store(options(folder.path)), std::runtime_error);
+}
+
+TEST(Store, F24ANewerSchemaIsRefused) {
+  const TemporaryFolder folder;
+  { const Store store(options(folder.path)); }
+  {
+    soci::session sql(soci::sqlite3, "db=" + folder.path + "/woodcock.sqlite");
+    sql << "update schema_version set version = 99";
+  }
+  EXPECT_THROW(Store(options(folder.path)), std::runtime_error);
+}
+
+TEST(Store, F17AWriteAfterTheLeadershipWasLostIsFatalAndNotMade) {
+  const TemporaryFolder folder;
+  std::promise<std::string> fatal;
+  StoreOptions o = options(folder.path);
+  o.on_fatal = [&](const std::string& reason) { fatal.set_value(reason); };
+  Store store(o);
+  store.barrier();
+  soci::session other(soci::sqlite3, "db=" + folder.path + "/woodcock.sqlite timeout=5");
+  other << "update leader set term = term + 1";
+  bool done = false;
+  store.write([](StoreSession& s) { s.insert_job(test_job("j1")); }, [&] { done = true; });
+  EXPECT_NE(fatal.get_future().get().find("leadership"), std::string::npos);
+  EXPECT_FALSE(done);
+  int jobs = -1;
+  other << "select count(*) from jobs", soci::into(jobs);
+  EXPECT_EQ(jobs, 0);
+}
+
+TEST(BlobStore, AnUploadResumesAndAppearsOnlyWhenItsDigestIsRight) {
+  const TemporaryFolder folder;
+  BlobStore blobs({folder.path, 1, kSecond}, 0);
+  const std::string digest = rpc::blob_digest("hello world");
+  blobs.begin_upload(digest, 11, 0, 0)->append("hello", 0);
+  EXPECT_FALSE(blobs.contains(digest));
+  EXPECT_EQ(blobs.upload_offset(digest), (std::pair<int64_t, bool>{5, false}));
+  EXPECT_THROW(blobs.begin_upload(digest, 11, 4, 0), BlobError);
+  const auto upload = blobs.begin_upload(digest, 11, 5, 0);
+  EXPECT_THROW(blobs.begin_upload(digest, 11, 5, 0), BlobError) << "one upload at a time";
+  EXPECT_FALSE(upload->finish(0));
+  upload->append(" world", 0);
+  EXPECT_TRUE(upload->finish(0));
+  EXPECT_EQ(blobs.read(digest, 100), "hello world");
+}
+
+TEST(BlobStore, F06AFlippedBitIsRefusedInFlightAndFoundAtRest) {
+  const TemporaryFolder folder;
+  BlobStore blobs({folder.path, 1, kSecond}, 0);
+  const std::string digest = rpc::blob_digest("hello");
+  {
+    const auto upload = blobs.begin_upload(digest, 5, 0, 0);
+    upload->append("hellp", 0);
+    EXPECT_THROW(upload->finish(0), BlobError);
+  }
+  EXPECT_EQ(blobs.upload_offset(digest).first, 0) << "the damaged part is gone";
+  put_blob(blobs, "hello");
+  EXPECT_TRUE(blobs.verify(digest));
+  std::ofstream(blobs.path(digest)) << "hellq";
+  EXPECT_FALSE(blobs.verify(digest));
+}
+
+TEST(BlobStore, CleanUpTakesOnlyWhatIsNeitherReferencedNorPinned) {
+  const TemporaryFolder folder;
+  BlobStore blobs({folder.path, 1, 10 * kSecond}, 0);
+  for (const char* text : {"referenced", "pinned", "orphan"}) put_blob(blobs, text);
+  const std::string partial = rpc::blob_digest("partial");
+  blobs.begin_upload(partial, 7, 0, 1)->append("part", 1);
+  const std::set<std::string> referenced{rpc::blob_digest("referenced")};
+  EXPECT_EQ(blobs.sweep(referenced, 5 * kSecond), 0u) << "everything is pinned after a start";
+  blobs.pin(rpc::blob_digest("pinned"), 8 * kSecond);
+  EXPECT_EQ(blobs.sweep(referenced, 15 * kSecond), 2u);
+  EXPECT_TRUE(blobs.contains(rpc::blob_digest("referenced")));
+  EXPECT_TRUE(blobs.contains(rpc::blob_digest("pinned")));
+  EXPECT_FALSE(blobs.contains(rpc::blob_digest("orphan")));
+  EXPECT_EQ(blobs.upload_offset(partial).first, 0);
+}
+
+TEST(BlobStore, F10AFullDiskIsSaidInsteadOfFilledUp) {
+  const TemporaryFolder folder;
+  BlobStore blobs({folder.path, int64_t{1} << 60, kSecond}, 0);
+  EXPECT_NE(blobs.shortage(), "");
+  try {
+    blobs.begin_upload(rpc::blob_digest("x"), 1, 0, 0);
+    FAIL();
+  } catch (const BlobError& error) {
+    EXPECT_EQ(error.kind(), BlobError::Kind::NoSpace);
+  }
+}
+
+TEST(Manifest, F20PathsThatLeaveTheFolderAreRefused) {
+  for (const char* bad : {"", "/etc/passwd", "../x", "a/../../x", "a//b", "./a", "a/.", "a\\b", "a\nb", "a/"})
+    EXPECT_FALSE(rpc::is_safe_path(bad)) << bad;
+  for (const char* good : {"a", "a/b.vdb", "..a/b..", "ü.png"}) EXPECT_TRUE(rpc::is_safe_path(good)) << good;
+}
+
+}  // namespace
+}  // namespace woodcock::coordinator
