@@ -63,6 +63,8 @@ milliseconds limit_of(const std::string& phase, const AttemptLimits& limits) {
   return limits.rendering;
 }
 
+bool is_preparation(const std::string& phase) { return phase == "loading" || phase == "building"; }
+
 std::string last_lines(const std::string& tail) {
   const std::string shown = tail.substr(tail.size() - std::min<size_t>(tail.size(), 600));
   return shown.empty() ? "" : "; its last output: " + shown;
@@ -184,11 +186,11 @@ AttemptOutcome ChildProcess::run(const RenderCommand& command, const AttemptLimi
         if (type == "cancelled") return AttemptCancelled{};
         if (type == "progress") {
           ChildProgress now = child_progress_from(message);
-          if (now != last) {
-            silence.reset();
-            last = now;
-            on_progress(last);
-          }
+          const bool moved = now != last;
+          if (moved) silence.reset();
+          last = now;
+          // Loading and building show no progress of their own; their time-outs bound how long they are trusted.
+          if (moved || is_preparation(last.phase)) on_progress(last);
         }
       } catch (const nlohmann::json::exception& error) {
         kill();

@@ -54,7 +54,8 @@ class ChildProcess {
 
   /// Carries out one command. Returns when the child has answered, died, or was killed here because it hung
   /// or did not heed a cancel. `should_stop` is asked at least every 100 ms; once true the attempt is cancelled.
-  /// `on_progress` is called only when the counters have moved.
+  /// `on_progress` is called when the counters have moved, and while the
+  /// child loads or builds, which have no counters but time-outs of their own.
   AttemptOutcome run(const RenderCommand& command, const AttemptLimits& limits, AttemptLog& log, const std::function<bool()>& should_stop,
                      const std::function<void(const ChildProgress&)>& on_progress);
 

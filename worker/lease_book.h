@@ -48,7 +48,7 @@ class LeaseBook {
   // --- rendering -------------------------------------------------------------------------------------------------
 
   std::optional<v1::LeaseGrant> next_to_render();
-  /// Moves the renewal counter: call it only when the child's counters have moved.
+  /// Moves the renewal counter: call it only for what ChildProcess::run reports as progress.
   void progressed(const std::string& lease_id, const ChildProgress& progress);
   /// True when the lease was cancelled, has expired, or is gone.
   bool should_stop(const std::string& lease_id, BootTime now) const;
