@@ -34,7 +34,7 @@ inline constexpr int kReplicateLevel = 3;
 struct Aovs {
   Rgb albedo{0};    ///< [0, 1]
   Vec3 normal{0};   ///< world space, unit length (a mean is shorter)
-  float depth = 0;  ///< distance from the camera along its axis, in scene units
+  float depth = 0;  ///< distance from the camera along the ray, in scene units
 };
 
 /// Statistics of the samples of one node in one pixel. Plain floats; radiance is linear RGB.

@@ -326,7 +326,6 @@ struct RenderSettings {
   int max_depth = 5;
   uint64_t seed = 0;
   std::string integrator = "volpath", sampler = "zsobol";
-  bool regularize = false;
 };
 
 /// A directive that was accepted but not carried out.

@@ -154,7 +154,8 @@ void read_integrator(const std::string& kind, Parameters& parameters, RenderSett
   }
   settings.integrator = kind;
   settings.max_depth = parameters.integer("maxdepth", 5, 0, 1 << 24);
-  settings.regularize = parameters.boolean("regularize", false);
+  // Regularisation blurs what it cannot sample.
+  if (parameters.boolean("regularize", false)) parameters.refuse("regularize", true);
   parameters.refuse("lightsampler", false);
   if (kind == "simplepath")
     for (const char* name : {"samplebsdf", "samplelights"}) parameters.refuse(name, false);

@@ -77,11 +77,11 @@ TEST(Settings, SamplersAndIntegratorsBecomeSettings) {
   EXPECT_EQ(read_text("Sampler \"independent\" WorldBegin").settings.samples_per_pixel, 4);
   EXPECT_EQ(read_text("Sampler \"stratified\" \"integer xsamples\" 3 WorldBegin").settings.samples_per_pixel, 12);
   EXPECT_EQ(read_text("Sampler \"zsobol\" \"integer pixelsamples\" 99 \"integer seed\" 7 WorldBegin").settings.seed, 7u);
-  const RenderSettings settings = read_text("Integrator \"bdpt\" \"integer maxdepth\" 17 \"bool regularize\" true WorldBegin").settings;
+  const RenderSettings settings = read_text("Integrator \"bdpt\" \"integer maxdepth\" 17 \"bool regularize\" false WorldBegin").settings;
   EXPECT_EQ(settings.max_depth, 17);
-  EXPECT_TRUE(settings.regularize);
   EXPECT_EQ(settings.integrator, "bdpt");
   EXPECT_THAT(text_error("Integrator \"ambientocclusion\" WorldBegin"), HasSubstr("not supported"));
+  EXPECT_THAT(text_error("Integrator \"volpath\" \"bool regularize\" true WorldBegin"), HasSubstr("not supported"));
   EXPECT_THAT(text_error("Integrator \"volpth\" WorldBegin"), HasSubstr("Did you mean \"volpath\"?"));
 }
 
