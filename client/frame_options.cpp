@@ -1,7 +1,10 @@
 #include "client/frame_options.h"
 
 #include <charconv>
+#include <stdexcept>
 #include <vector>
+
+#include "renderer/film/tile.h"
 
 namespace woodcock {
 namespace {
@@ -43,6 +46,18 @@ void add_frame_options(CLI::App& command, FrameSettings& settings) {
   command.add_option("--estimator", settings.estimator, "How light is computed along a ray")
       ->check(CLI::IsMember({"auto"}))
       ->capture_default_str();
+  command
+      .add_option_function<std::string>(
+          "--aov",
+          [&settings](const std::string& list) {
+            try {
+              settings.aovs = to_string(parse_aovs(list));
+            } catch (const std::invalid_argument& error) {
+              throw CLI::ValidationError("--aov", error.what());
+            }
+          },
+          "Optional channels of the EXR: any of albedo,normal,depth, or none (default: all). Variance and counts are always there")
+      ->type_name("LIST");
   command.add_flag(
       "--allow-unsupported", settings.allow_unsupported,
       "Render although the scene asks for something that Woodcock cannot do yet; what was left out is listed and recorded in the EXR");

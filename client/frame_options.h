@@ -8,7 +8,7 @@
 
 namespace woodcock {
 
-/// Adds --spp, --seed, --resolution, --crop, --max-depth, --estimator and --allow-unsupported. `settings` must outlive
+/// Adds --spp, --seed, --resolution, --crop, --max-depth, --estimator, --aov and --allow-unsupported. `settings` must outlive
 /// the parsing.
 void add_frame_options(CLI::App& command, FrameSettings& settings);
 

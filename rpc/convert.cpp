@@ -91,6 +91,7 @@ v1::RenderSettings to_wire(const FrameSettings& settings, int tile_size) {
   if (settings.seed) wire.set_seed(*settings.seed);
   if (settings.max_depth) wire.set_max_depth(*settings.max_depth);
   wire.set_estimator(settings.estimator);
+  wire.set_aovs(settings.aovs);
   wire.set_allow_unsupported(settings.allow_unsupported);
   wire.set_tile_size(static_cast<uint32_t>(tile_size));
   return wire;
@@ -118,6 +119,14 @@ FrameSettings from_wire(const v1::RenderSettings& settings, uint64_t frame) {
   check(settings.estimator().size() <= kMaxIdBytes && is_plain_text(settings.estimator()), "settings.estimator",
         "an estimator's name of at most 64 bytes");
   if (!settings.estimator().empty()) domain.estimator = settings.estimator();
+  if (!settings.aovs().empty()) {
+    check(settings.aovs().size() <= kMaxIdBytes, "settings.aovs", "at most 64 bytes");
+    try {
+      domain.aovs = woodcock::to_string(parse_aovs(settings.aovs()));
+    } catch (const std::invalid_argument& error) {
+      fail_invalid(std::string("settings.aovs: ") + error.what());
+    }
+  }
   domain.allow_unsupported = settings.allow_unsupported();
   domain.frame = frame;
   return domain;

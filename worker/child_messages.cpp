@@ -47,7 +47,10 @@ std::string from_hex(const std::string& text) {
 }
 
 json settings_json(const FrameSettings& settings) {
-  json out{{"estimator", settings.estimator}, {"allow_unsupported", settings.allow_unsupported}, {"frame", settings.frame}};
+  json out{{"estimator", settings.estimator},
+           {"allow_unsupported", settings.allow_unsupported},
+           {"aovs", settings.aovs},
+           {"frame", settings.frame}};
   put(out, "resolution", settings.resolution);
   put(out, "crop", settings.crop);
   put(out, "samples", settings.samples);
@@ -60,6 +63,7 @@ FrameSettings settings_from(const json& in) {
   FrameSettings settings;
   in.at("estimator").get_to(settings.estimator);
   in.at("allow_unsupported").get_to(settings.allow_unsupported);
+  in.at("aovs").get_to(settings.aovs);
   in.at("frame").get_to(settings.frame);
   take(in, "resolution", settings.resolution);
   take(in, "crop", settings.crop);

@@ -69,6 +69,7 @@ void apply_settings(const FrameSettings& settings, SceneDescription& scene) {
     if (*settings.max_depth < 0) refuse("max-depth: found " + std::to_string(*settings.max_depth) + ", expected 0 or more scatterings");
     scene.settings.max_depth = *settings.max_depth;
   }
+  parse_aovs(settings.aovs);
   if (settings.estimator != "auto") {
     refuse("estimator: found \"" + settings.estimator + "\", expected \"auto\"");
   }
@@ -82,6 +83,7 @@ FrameHeader frame_header(const SceneDescription& scene, const FrameSettings& set
   h.width = scene.film.x_resolution;
   h.height = scene.film.y_resolution;
   h.bounds = {scene.film.pixel_bounds[0], scene.film.pixel_bounds[2], scene.film.pixel_bounds[1], scene.film.pixel_bounds[3]};
+  h.aovs = parse_aovs(settings.aovs);
   h.settings.emplace_back("estimator", settings.estimator);
   h.settings.emplace_back("biased", "no");
   h.settings.emplace_back("max_depth", std::to_string(scene.settings.max_depth));

@@ -17,6 +17,7 @@ struct FrameSettings {
   std::optional<uint64_t> seed;
   std::optional<int> max_depth;
   std::string estimator = "auto";
+  std::string aovs = "albedo,normal,depth";  ///< the optional channels of the EXR; "none" for none
   bool allow_unsupported = false;
   uint64_t frame = 0;  ///< frame number of a sequence; 0 for a still
 };
