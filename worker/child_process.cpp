@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <system_error>
 
 namespace woodcock {
@@ -80,7 +81,10 @@ ChildProcess::ChildProcess(const std::string& program, const std::vector<std::st
   FileDescriptor read_end(pipe_ends[0]), write_end(pipe_ends[1]);
   ::fcntl(read_end.get(), F_SETFL, O_NONBLOCK);
 
-  std::vector<std::string> words{program};
+  // What `ps` shows: the program's own name, also where it is started by way of /proc.
+  std::error_code no_link;
+  const std::filesystem::path shown = std::filesystem::read_symlink(program, no_link);
+  std::vector<std::string> words{no_link ? program : shown.string()};
   words.insert(words.end(), arguments.begin(), arguments.end());
   for (const std::string& word :
        {std::string("--channel-fd"), std::to_string(kChannelFd), std::string("--parent-pid"), std::to_string(::getpid())})

@@ -2,7 +2,9 @@
 // `woodcock render` makes of the same scene, byte by byte.
 #include <signal.h>
 
+#include <algorithm>
 #include <fstream>
+#include <sstream>
 #include <thread>
 
 #include "tests/service/service_fixture.h"
@@ -278,15 +280,22 @@ TEST_F(WrongUse, PortInUseEndsTheSecondCoordinator) {
 
 class Up : public ServiceTest {};
 
-/// Processes that have `text` in their command line.
-int processes_with(const std::string& text) {
-  int count = 0;
-  for (const auto& entry : fs::directory_iterator("/proc")) {
-    std::error_code ignored;
-    if (entry.path().filename().string().find_first_not_of("0123456789") != std::string::npos) continue;
-    if (contents(entry.path() / "cmdline").find(text) != std::string::npos) ++count;
-  }
-  return count;
+/// The process and everything it started, directly or not.
+std::vector<pid_t> family(pid_t root) {
+  std::vector<pid_t> members{root};
+  for (size_t i = 0; i < members.size(); ++i)
+    for (const auto& task : fs::directory_iterator("/proc/" + std::to_string(members[i]) + "/task")) {
+      std::istringstream children(contents(task.path() / "children"));
+      for (pid_t child = 0; children >> child;) members.push_back(child);
+    }
+  return members;
+}
+
+bool none_runs(const std::vector<pid_t>& pids) {
+  return std::none_of(pids.begin(), pids.end(), [](pid_t pid) {
+    const std::string stat = contents("/proc/" + std::to_string(pid) + "/stat");
+    return !stat.empty() && stat.find(") Z") == std::string::npos;
+  });
 }
 
 TEST_F(Up, ServesJobsAndLeavesNoProcess) {
@@ -297,18 +306,21 @@ TEST_F(Up, ServesJobsAndLeavesNoProcess) {
   address_ = nlohmann::json::parse(up->out())["address"];
   ASSERT_EQ(woodcock(joined({"submit", "-o", path("image.exr")}, kQuick)).code, 0);
   EXPECT_TRUE(contents(path("image.exr")) == rendered(kQuick));
+  const auto processes = family(up->pid());
+  EXPECT_GE(processes.size(), 6u) << "up, coordinator, two workers with a render process each";
   up->signal(SIGINT);
   EXPECT_EQ(up->wait(kPatience), 0) << up->err();
-  EXPECT_TRUE(eventually(seconds(10), [&] { return processes_with(path("up")) == 0; }));
+  EXPECT_TRUE(eventually(seconds(10), [&] { return none_runs(processes); }));
 }
 
 TEST_F(Up, KilledOutrightItStillLeavesNoProcess) {
   const auto up = woodcock_in_background({"up", "--workers", "1", "--port", "0", "--dir", path("up"), "--json"});
   ASSERT_TRUE(eventually(kPatience, [&] { return up->out().find('\n') != std::string::npos || !up->running(); }));
-  EXPECT_GE(processes_with(path("up")), 3);
+  const auto processes = family(up->pid());
+  EXPECT_GE(processes.size(), 4u);
   up->signal(SIGKILL);
   up->wait(kPatience);
-  EXPECT_TRUE(eventually(seconds(20), [&] { return processes_with(path("up")) == 0; }));
+  EXPECT_TRUE(eventually(seconds(20), [&] { return none_runs(processes); }));
 }
 
 }  // namespace
