@@ -26,7 +26,9 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
   held.sequence = request.sequence();
   held.done = std::move(done);
   const Time now = options_.now();
-  held.deadline = now + (request.leases().empty() ? options_.sync_hold : options_.busy_sync_hold);
+  // The first call of a process is not held: its answer tells the worker that it has arrived.
+  const Time hold = request.sequence() == 1 ? 0 : request.leases().empty() ? options_.sync_hold : options_.busy_sync_hold;
+  held.deadline = now + hold;
   SyncDone superseded, refused;
   grpc::Status refusal;
   const uint64_t token = locked([&]() -> uint64_t {
