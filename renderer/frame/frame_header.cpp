@@ -60,7 +60,7 @@ void apply_settings(const FrameSettings& settings, SceneDescription& scene) {
   }
   if (settings.samples) {
     if (*settings.samples < 1 || *settings.samples > kMaxSamples) {
-      refuse("spp: found " + std::to_string(*settings.samples) + ", expected at least 1 sample per pixel");
+      refuse("spp: found " + std::to_string(*settings.samples) + ", expected 1 to " + std::to_string(kMaxSamples) + " samples per pixel");
     }
     scene.settings.samples_per_pixel = *settings.samples;
   }

@@ -13,6 +13,25 @@
 #include "renderer/world/world.h"
 
 namespace woodcock {
+namespace {
+
+/// What the film makes of a sample. One that is not finite contributes nothing but still counts: it is reported, not
+/// hidden. `maxcomponentvalue` holds before the filter's weight, as in pbrt-v4, so that negative lobes are cut alike.
+Rgb developed(PathResult& path, float weight, const FilmDescription& film, PathCounters& count) {
+  Rgb radiance = path.radiance * film.image_scale;
+  if (!is_finite(radiance) || !is_finite(path.albedo) || !is_finite(path.normal) || !std::isfinite(path.depth)) {
+    ++count.nonfinite;
+    path = {};
+    return Rgb(0);
+  }
+  if (const float largest = max_component(radiance); largest > film.max_component_value) {
+    ++count.clamped;
+    radiance *= film.max_component_value / largest;
+  }
+  return radiance * weight;
+}
+
+}  // namespace
 
 struct FrameRenderer::Impl {
   SceneDescription scene;
@@ -51,41 +70,32 @@ const World& FrameRenderer::world() const { return *impl_->world; }
 
 std::optional<Tile> FrameRenderer::render(const PixelRect& rect, const SampleRange& range, int threads, RenderProgress& progress) const {
   if (!is_dyadic(range)) throw std::invalid_argument("FrameRenderer::render: the sample range must be one aligned power of two");
+  if (threads < 1) throw std::invalid_argument("FrameRenderer::render: at least one thread must render");
   if (rect.empty() || !impl_->header.bounds.contains(rect))
     throw std::invalid_argument("FrameRenderer::render: the rectangle lies outside the frame");
 
   Tile tile{rect, range, std::vector<PixelStats>(static_cast<size_t>(rect.area()))};
   const FilmDescription& film = impl_->scene.film;
 
+  const PathWatch watch{progress.bounces, progress.cancel};
+  PathSettings settings = impl_->path;
+  settings.watch = &watch;
+
   const auto render_pixel = [&](int x, int y, PathCounters& count) {
     PixelAccumulator accumulator(range);
-    uint64_t reported_vertices = count.vertices, reported_samples = 0;
+    uint64_t reported_samples = 0;
     for (int64_t i = range.begin; i < range.end; ++i) {
-      const PathKey key = path_key(impl_->path.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i));
+      const PathKey key = path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i));
       const CameraSample camera = camera_sample(*impl_->world, key, x, y);
-      PathResult path = trace_path(*impl_->world, impl_->path, camera.ray, key, count);
-      path.radiance *= camera.weight * film.image_scale;
-      // A sample that is not finite contributes nothing but still counts: it is reported, not hidden.
-      if (!is_finite(path.radiance)) {
-        ++count.nonfinite;
-        path.radiance = Rgb(0);
-      }
-      const float largest = max_component(path.radiance);
-      if (largest > film.max_component_value) {
-        ++count.clamped;
-        path.radiance *= film.max_component_value / largest;
-      }
-      accumulator.push(leaf(path.radiance, {path.albedo, path.normal, path.depth}, i));
+      PathResult path = trace_path(*impl_->world, settings, camera.ray, key, count);
+      accumulator.push(leaf(developed(path, camera.weight, film, count), {path.albedo, path.normal, path.depth}, i));
       if (++reported_samples == 64) {
         progress.samples.fetch_add(reported_samples, std::memory_order_relaxed);
-        progress.bounces.fetch_add(count.vertices - reported_vertices, std::memory_order_relaxed);
         reported_samples = 0;
-        reported_vertices = count.vertices;
-        if (progress.cancel.load(std::memory_order_relaxed)) return;
       }
+      if (progress.cancel.load(std::memory_order_relaxed)) return;
     }
     progress.samples.fetch_add(reported_samples, std::memory_order_relaxed);
-    progress.bounces.fetch_add(count.vertices - reported_vertices, std::memory_order_relaxed);
     tile.pixels[static_cast<size_t>(y - rect.y0) * static_cast<size_t>(rect.width()) + static_cast<size_t>(x - rect.x0)] =
         accumulator.result();
   };
@@ -105,7 +115,10 @@ std::optional<Tile> FrameRenderer::render(const PixelRect& rect, const SampleRan
   });
   if (progress.cancel) return std::nullopt;
   const std::lock_guard lock(progress.counters_mutex);
-  for (const PathCounters& c : counters) progress.counters.add(c);
+  for (const PathCounters& c : counters) {
+    progress.counters.add(c);
+    progress.bounces.fetch_add(c.vertices % kReportEvery, std::memory_order_relaxed);
+  }
   return tile;
 }
 

@@ -9,6 +9,7 @@
 namespace woodcock {
 namespace {
 
+/// More boundaries than this without a scattering mean a defect of the scene (a stack of coincident shells).
 constexpr int kMaxCrossings = 10000;
 
 /// The power heuristic for two strategies (Veach 1997, section 9.2.4), written as a ratio so that large pdfs do not
@@ -28,13 +29,24 @@ Frame shading_frame(Vec3 ns, Vec3 dpdu) {
   return {unit, glm::cross(ns, unit), ns};
 }
 
-/// (1 − exp(−σ t))/σ per channel: the length over which emission is seen. t where σ = 0.
-Rgb seen_length(Rgb sigma, float t) {
-  Rgb result;
+/// j (1 − exp(−σ t))/σ per channel: what a segment of length t emits towards its start. A channel that emits also
+/// absorbs, so σ > 0 wherever j > 0, and an unbounded segment is finite.
+Rgb segment_emission(Rgb j, Rgb sigma, float t) {
+  Rgb result{0};
   for (int c = 0; c < 3; ++c) {
-    result[c] = sigma[c] == 0 ? t : static_cast<float>(-std::expm1(-static_cast<double>(sigma[c]) * t) / static_cast<double>(sigma[c]));
+    if (j[c] > 0)
+      result[c] =
+          static_cast<float>(-std::expm1(-static_cast<double>(sigma[c]) * t) * (static_cast<double>(j[c]) / static_cast<double>(sigma[c])));
   }
   return result;
+}
+
+/// Tentative collisions per render unit that an emitting grid gets at the least: four on the way through, so that thin
+/// but bright gas is met by most rays and not by one in a thousand.
+float emission_rate(const Medium& medium, float t_max) {
+  const CellBox& box = medium.majorants().box();
+  const double diagonal = glm::length(box.upper - box.lower) * medium.majorants().map().cell_edge();
+  return static_cast<float>(4 / std::min(diagonal, static_cast<double>(t_max)));
 }
 
 /// One path. Members carry what the next event needs; see trace_path for the equation.
@@ -72,7 +84,7 @@ class Path {
         const auto t = fly(hit ? static_cast<float>(hit->t) : kInf);
         if (ended_) break;
         if (t) {
-          if (!scatter_in_medium(*t)) break;
+          if (!scatter_in_medium(*t, hit ? before_boundary(*t, *hit) : ray_.at(*t))) break;
           crossings = 0;
           continue;
         }
@@ -112,7 +124,7 @@ class Path {
   std::optional<float> fly_homogeneous(const Medium& medium, float t_max) {
     const MediumPoint& m = medium.homogeneous();
     const Rgb sigma_t = m.sigma_t();
-    if (medium.emits()) add(m.emission * seen_length(sigma_t, t_max));
+    if (medium.emits()) add(segment_emission(m.emission, sigma_t, t_max));
     if (!medium.scatters() || !may_scatter()) {
       beta_ *= attenuation(sigma_t, t_max);
       ended_ = is_black(beta_);
@@ -161,7 +173,7 @@ class Path {
       ended_ = is_black(beta_);
       return std::nullopt;
     }
-    TentativeCollisions collisions(medium, ray_, t_max, flight_);
+    TentativeCollisions collisions(medium, ray_, t_max, flight_, medium.emits() ? emission_rate(medium, t_max) : 0);
     while (collisions.next()) {
       ++count_.medium_lookups;
       const float majorant = collisions.majorant(), inverse = 1 / majorant;
@@ -190,9 +202,20 @@ class Path {
     return std::nullopt;
   }
 
-  bool scatter_in_medium(float t) {
-    const Medium& medium = world_.media[medium_];
+  /// The point at t, which lies before the hit. Rounding may put a point next to a boundary on it or beyond, and a path
+  /// that went on from there would take the medium to be endless: such a point goes to the near side.
+  Vec3 before_boundary(float t, const Hit& hit) const {
     const Vec3 p = ray_.at(t);
+    constexpr double kNear = 1e-3;  // farther away rounding matters only to rays that graze at less than 1e-4
+    if (hit.t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit.t)) return p;
+    const SurfacePoint s = world_.geometry.surface(hit, ray_);
+    const Vec3 towards_us = glm::dot(ray_.d, s.ng) < 0 ? s.ng : -s.ng;
+    if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
+    return offset_origin(s, -ray_.d);
+  }
+
+  bool scatter_in_medium(float t, Vec3 p) {
+    const Medium& medium = world_.media[medium_];
     travelled_ += t;
     if (!first_seen_) see_first(albedo(medium, p), Vec3(0));
     next_vertex();
@@ -328,7 +351,13 @@ class Path {
   void next_vertex() {
     ++vertex_;
     ++depth_;
-    ++count_.vertices;
+    if ((++count_.vertices & (kReportEvery - 1)) == 0 && settings_.watch != nullptr) report();
+  }
+
+  /// Long paths move the counter and can be stopped.
+  void report() {
+    settings_.watch->vertices.fetch_add(kReportEvery, std::memory_order_relaxed);
+    stopped_ = settings_.watch->cancel.load(std::memory_order_relaxed);
   }
 
   void after_scattering(Vec3 at) {
@@ -339,6 +368,7 @@ class Path {
 
   /// Russian roulette on the throughput relative to what refraction alone does to radiance (η²).
   bool survives_roulette() {
+    if (stopped_) return false;
     if (depth_ < 2) return true;
     const float q = max_component(beta_) * eta_scale_;
     if (q >= 1) return true;
@@ -367,6 +397,7 @@ class Path {
   double travelled_ = 0;  ///< since the last scattering, render units
   bool first_seen_ = false;
   bool ended_ = false;
+  bool stopped_ = false;
 };
 
 }  // namespace

@@ -1,16 +1,30 @@
 // Path tracing through surfaces and media: the default estimator.
 #pragma once
 
+#include <atomic>
+
 #include "renderer/core/random.h"
 #include "renderer/transport/counters.h"
 #include "renderer/world/world.h"
 
 namespace woodcock {
 
+/// How paths that take long show that they live, and are stopped.
+struct PathWatch {
+  /// Moves by 1024 whenever PathCounters::vertices of one thread passes a multiple of it; the rest is the caller's to add.
+  std::atomic<uint64_t>& vertices;
+  /// When set, a path ends within 1024 vertices, with a radiance that means nothing.
+  const std::atomic<bool>& cancel;
+};
+
 struct PathSettings {
   uint64_t frame_seed = 0;
   int max_depth = 5;  ///< scatterings at surfaces and in media; null collisions and interfaces do not count
+  const PathWatch* watch = nullptr;
 };
+
+/// Vertices between two looks at PathSettings::watch; a power of two.
+inline constexpr uint64_t kReportEvery = 1024;
 
 /// What one sample saw.
 struct PathResult {

@@ -13,8 +13,10 @@ namespace woodcock {
 /// into the next segment, so each collision costs one random number however many bricks lie between.
 class TentativeCollisions {
  public:
-  /// `random` must outlive this; the caller may draw from it between two collisions.
-  TentativeCollisions(const Medium& medium, const Ray& ray, float t_max, Stream& random) : walk_(medium, ray, t_max), random_(random) {}
+  /// `random` must outlive this; the caller may draw from it between two collisions. Where the majorant is positive and
+  /// below `least_rate`, that takes its place: any upper bound is a majorant.
+  TentativeCollisions(const Medium& medium, const Ray& ray, float t_max, Stream& random, float least_rate = 0)
+      : walk_(medium, ray, t_max), random_(random), least_rate_(least_rate) {}
 
   /// Moves to the next collision; false at the end of the ray.
   bool next() {
@@ -23,6 +25,7 @@ class TentativeCollisions {
       if (!segment_) {
         segment_ = walk_.next();
         if (!segment_) return false;
+        segment_->sigma = std::max(segment_->sigma, least_rate_);
         t_ = segment_->t0;
       }
       // In double, so that a step far smaller than t still moves.
@@ -42,6 +45,7 @@ class TentativeCollisions {
  private:
   MajorantWalk walk_;
   Stream& random_;
+  float least_rate_;
   std::optional<MajorantSegment> segment_;
   double t_ = 0;
 };

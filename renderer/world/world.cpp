@@ -47,8 +47,13 @@ void add_bounds(const ShapeDescription& shape, const DMat4& m, DBox& box) {
   }
 }
 
-/// The power of two next above `x`.
-double power_of_two_above(double x) { return std::exp2(std::ceil(std::log2(x))); }
+/// The smallest power of two that is not below `x` > 0: exact, so that a scene scaled by a power of two gets the same
+/// render space.
+double power_of_two_above(double x) {
+  int exponent = 0;
+  const double mantissa = std::frexp(x, &exponent);  // in [1/2, 1)
+  return std::ldexp(1.0, mantissa == 0.5 ? exponent - 1 : exponent);
+}
 
 void describe_surface(const SceneDescription& scene, const ShapeDescription& shape, const Materials& materials, SurfaceInfo& info) {
   info.material = shape.material;
@@ -69,6 +74,13 @@ RenderSpace choose_render_space(const SceneDescription& scene) {
   for (const auto& s : scene.shapes) add_bounds(s, DMat4(1), box);
   for (const auto& i : scene.instances) {
     for (const auto& s : scene.objects[static_cast<size_t>(i.object)].shapes) add_bounds(s, i.world_from_instance, box);
+  }
+  if (box.empty()) {
+    // Without shapes only the lights tell the size of the scene. Beside shapes a far lamp must not cost the scene its digits.
+    for (const auto& l : scene.lights) {
+      if (const auto* point = std::get_if<PointLightDescription>(&l.kind)) box.add(transform_point(l.world_from_light, point->position));
+      if (const auto* spot = std::get_if<SpotLightDescription>(&l.kind)) box.add(transform_point(l.world_from_light, spot->from));
+    }
   }
   const DVec3 eye = transform_point(scene.camera.world_from_camera, DVec3(0));
   box.add(eye);
@@ -157,45 +169,45 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
     for (const auto& s : o.shapes) add_surface(s, index++);
   }
 
-  const int found = find_medium(world->geometry, world->surfaces, world->camera.position());
-  world->camera_medium = found;
+  const std::optional<int> found = find_medium(world->geometry, world->surfaces, world->camera.position());
+  world->camera_medium = found.value_or(kNone);
   if (scene.camera.media.given) {
     world->camera_medium = scene.camera.media.outside;
-    if (found != world->camera_medium && found != kNone) {
-      world->notes.push_back("the camera's MediumInterface names the medium \"" +
-                             (world->camera_medium == kNone ? std::string() : scene.media[static_cast<size_t>(world->camera_medium)].name) +
-                             "\", but the boundaries around it say \"" + scene.media[static_cast<size_t>(found)].name +
-                             "\"; the camera's own word is used");
+    const auto name = [&](int medium) { return medium == kNone ? std::string() : scene.media[static_cast<size_t>(medium)].name; };
+    if (found && *found != world->camera_medium) {
+      world->notes.push_back("the camera's MediumInterface names the medium \"" + name(world->camera_medium) +
+                             "\", but the boundaries around it say \"" + name(*found) + "\"; the camera's own word is used");
     }
   }
   return world;
 }
 
-int find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Vec3 point) {
+std::optional<int> find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Vec3 point) {
   // Directions without symmetry, so that rays along edges of aligned boxes are unlikely; the majority decides.
   constexpr std::array<Vec3, 5> kDirections{{{0.267f, 0.802f, 0.535f},
                                              {-0.781f, 0.312f, 0.541f},
                                              {0.371f, -0.557f, -0.743f},
                                              {-0.424f, -0.566f, 0.707f},
                                              {0.653f, 0.230f, -0.722f}}};
-  std::array<int, kDirections.size()> votes{};
+  std::array<std::optional<int>, kDirections.size()> votes;
   for (size_t i = 0; i < kDirections.size(); ++i) {
-    votes[i] = kNone;
     Ray ray{point, glm::normalize(kDirections[i])};
     for (int crossings = 0; crossings < 1000; ++crossings) {
       const auto hit = geometry.intersect(ray, kInf);
       if (!hit) break;
       const SurfacePoint s = geometry.surface(*hit, ray);
       const SurfaceInfo& info = surfaces[static_cast<size_t>(hit->shape)];
-      if (info.is_boundary) {
+      // What is never there bounds nothing.
+      const bool absent = info.alpha.texture == kNone && info.alpha.value <= 0;
+      if (info.is_boundary && !absent) {
         votes[i] = glm::dot(ray.d, s.ng) < 0 ? info.outside : info.inside;
         break;
       }
       ray.o = offset_origin(s, ray.d);
     }
   }
-  int best = votes[0];
-  for (const int v : votes) {
+  std::optional<int> best = votes[0];
+  for (const auto& v : votes) {
     if (std::count(votes.begin(), votes.end(), v) > std::count(votes.begin(), votes.end(), best)) best = v;
   }
   return best;

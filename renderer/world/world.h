@@ -7,6 +7,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -68,8 +69,8 @@ struct World {
 /// Compiles a description. Throws SceneError for what cannot be built.
 std::unique_ptr<const World> build_world(const SceneDescription& scene);
 
-/// The medium at a point: that of the near side of the first boundary met, looking in several directions; kNone
-/// (vacuum) where no boundary is met.
-int find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Vec3 point);
+/// The medium at a point (kNone is vacuum): that of the near side of the first boundary met, by the majority of several
+/// directions; nothing where most of them meet no boundary.
+std::optional<int> find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Vec3 point);
 
 }  // namespace woodcock

@@ -67,7 +67,7 @@ std::vector<Rgb> radiances(const CompiledScene& scene, int samples, uint64_t see
 void expect_value(const Estimate& a, std::array<double, 3> expected, double resolution, const std::string& what) {
   for (size_t c = 0; c < 3; ++c) {
     const std::string report = fmt::format("{}: channel {} is {:.7g} ± {:.2g}, expected {:.7g}, off by {:+.2f} standard errors", what, c,
-                                           a.mean[c], a.error[c], expected[c], (a.mean[c] - expected[c]) / std::max(a.error[c], 1e-300));
+                                           a.mean[c], a.error[c], expected[c], (a.mean[c] - expected[c]) / std::max(a.error[c], 1e-12));
     EXPECT_TRUE(std::isfinite(a.mean[c])) << report;
     EXPECT_LE(a.error[c], resolution * std::abs(expected[c])) << report;
     EXPECT_LE(std::abs(a.mean[c] - expected[c]), kStandardErrors * a.error[c] + kRounding * std::abs(expected[c])) << report;
@@ -80,7 +80,7 @@ void expect_equal(const Estimate& a, const Estimate& b, double resolution, const
   for (size_t c = 0; c < 3; ++c) {
     const double error = std::hypot(a.error[c], b.error[c]);
     const std::string report = fmt::format("{}: channel {} is {:.7g} ± {:.2g} and {:.7g} ± {:.2g}, {:+.2f} standard errors apart", what, c,
-                                           a.mean[c], a.error[c], b.mean[c], b.error[c], (a.mean[c] - b.mean[c]) / std::max(error, 1e-300));
+                                           a.mean[c], a.error[c], b.mean[c], b.error[c], (a.mean[c] - b.mean[c]) / std::max(error, 1e-12));
     EXPECT_TRUE(std::isfinite(a.mean[c]) && std::isfinite(b.mean[c])) << report;
     EXPECT_LE(error, resolution * std::max(std::abs(a.mean[c]), std::abs(b.mean[c]))) << report;
     EXPECT_LE(std::abs(a.mean[c] - b.mean[c]), kStandardErrors * error + kRounding * std::abs(b.mean[c])) << report;
