@@ -25,8 +25,8 @@ packages=(
   libgrpc++-dev protobuf-compiler-grpc libprotobuf-dev protobuf-compiler libsoci-dev libsqlite3-dev libssl-dev
   # command line, logs, formats, plots
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev gnuplot-nox
-  # tests
-  libgtest-dev libgmock-dev librapidcheck-dev
+  # tests, benchmarks
+  libgtest-dev libgmock-dev librapidcheck-dev libbenchmark-dev
 )
 
 command -v dpkg-query > /dev/null || {
