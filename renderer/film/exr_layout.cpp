@@ -95,7 +95,11 @@ class Fields {
     return *value;
   }
   [[noreturn]] void malformed(const std::string& key) const {
-    refuse(name_, fmt::format("the attribute '{}{}' is '{}', which makes no sense", kPrefix, key, get(key).substr(0, 100)));
+    refuse(name_, fmt::format("the attribute '{}{}' is '{}', which makes no sense", kPrefix, key, find(key).value_or("").substr(0, 100)));
+  }
+  /// How many begin with `prefix`.
+  size_t count(std::string_view prefix) const {
+    return static_cast<size_t>(std::count_if(values_.begin(), values_.end(), [&](const auto& v) { return v.first.starts_with(prefix); }));
   }
   uint64_t number(const std::string& key) const {
     const std::string text = get(key);
@@ -165,6 +169,8 @@ void check_info(const NodeFileInfo& info, std::string_view name) {
                           });
     if (!good_key || !is_plain_text(value)) refuse(name, fmt::format("the header field '{}' has characters that cannot be written", key));
   }
+  for (const auto& [key, value] : header.settings)
+    if (key.empty() || value.empty()) refuse(name, fmt::format("the setting '{}' is empty: such an attribute would not be written", key));
   for (size_t i = 0; i < header.settings.size(); ++i)
     for (size_t j = 0; j < i; ++j)
       if (header.settings[i].first == header.settings[j].first)
@@ -232,13 +238,15 @@ NodeFileInfo parse_info(const OIIO::ImageSpec& spec, std::string_view name) {
   } catch (const std::invalid_argument&) {
     fields.malformed("aovs");
   }
-  const std::string order = fields.get("setting_order");
+  // OpenImageIO writes no empty attribute: a frame without settings has no list of them.
+  const std::string order = fields.find("setting_order").value_or("");
   for (size_t at = 0; at < order.size();) {
     const size_t end = std::min(order.find(',', at), order.size());
     const std::string key = order.substr(at, end - at);
     header.settings.emplace_back(key, fields.get(fmt::format("{}{}", kSetting, key)));
     at = end + 1;
   }
+  if (header.settings.size() != fields.count(kSetting)) fields.malformed("setting_order");
   if (fields.find("missing_pixels")) {
     const uint64_t missing = fields.number("missing_pixels");
     if (missing == 0 || missing > static_cast<uint64_t>(kMaxPixels)) fields.malformed("missing_pixels");

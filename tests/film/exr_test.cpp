@@ -40,6 +40,15 @@ TEST(Exr, TilesComeBackToTheBit) {
   }
 }
 
+TEST(Exr, AFrameWithoutSettingsComesBackAndOneWithAnEmptySettingIsRefused) {
+  FrameHeader header = some_header(20, 10);
+  header.settings.clear();
+  const auto nodes = render_nodes({0, 0, 20, 10}, {0, 4});
+  EXPECT_EQ(decode_exr(encode_exr(header, nodes), "frame").info.header, header);
+  header.settings = {{"estimator", ""}};
+  EXPECT_THAT(message_of([&] { encode_exr(header, nodes); }), HasSubstr("estimator"));
+}
+
 TEST(Exr, ThePictureOfAnyRangeIsTheFoldOfItsNodes) {
   const FrameHeader header = some_header(20, 10);
   const SampleRange samples{0, 7};
