@@ -6,6 +6,13 @@
 namespace woodcock {
 namespace {
 
+/// The objects that an instance places.
+std::set<int> placed_objects(const SceneDescription& scene) {
+  std::set<int> placed;
+  for (const auto& i : scene.instances) placed.insert(i.object);
+  return placed;
+}
+
 /// The media that some ray can be in.
 std::set<int> reachable_media(const SceneDescription& scene, const World& world) {
   std::set<int> reachable;
@@ -18,9 +25,7 @@ std::set<int> reachable_media(const SceneDescription& scene, const World& world)
     add(s.media.outside);
   };
   for (const auto& s : scene.shapes) add_boundary(s);
-  std::set<int> placed;
-  for (const auto& i : scene.instances) placed.insert(i.object);
-  for (const int o : placed) {
+  for (const int o : placed_objects(scene)) {
     for (const auto& s : scene.objects[static_cast<size_t>(o)].shapes) add_boundary(s);
   }
   add(world.camera_medium);
@@ -45,7 +50,8 @@ class Planner {
     });
     surface("partial opacity", "has an alpha below one",
             [](const ShapeDescription& s) { return s.alpha.texture != kNone || s.alpha.value < 1; });
-    surface("area lights", "emits", [](const ShapeDescription& s) { return s.area_light.has_value(); });
+    surface("area lights", "emits",
+            [](const ShapeDescription& s) { return s.area_light && s.area_light->scale > 0 && !is_black(s.area_light->radiance); });
     light<InfiniteLightDescription>("environment lights", "an infinite light");
     light<DistantLightDescription>("distant lights", "a distant light");
     light<PointLightDescription>("point lights", "a point light");
@@ -84,8 +90,8 @@ class Planner {
     for (const auto& s : scene_.shapes) {
       if (check(s)) return;
     }
-    for (const auto& o : scene_.objects) {
-      for (const auto& s : o.shapes) {
+    for (const int o : placed_objects(scene_)) {
+      for (const auto& s : scene_.objects[static_cast<size_t>(o)].shapes) {
         if (check(s)) return;
       }
     }
@@ -94,13 +100,23 @@ class Planner {
 
   template <typename Kind>
   void light(const std::string& effect, const std::string& what) {
+    bool dark = false;
     for (const auto& l : scene_.lights) {
-      if (!std::holds_alternative<Kind>(l.kind)) continue;
+      const auto* kind = std::get_if<Kind>(&l.kind);
+      if (kind == nullptr) continue;
+      if (is_black(emitted(*kind))) {
+        dark = true;
+        continue;
+      }
       entries_.push_back({effect, true, "the scene has " + what, l.where});
       return;
     }
-    entries_.push_back({effect, false, "the scene has none", {}});
+    entries_.push_back({effect, false, dark ? "the scene has none that shines" : "the scene has none", {}});
   }
+  static Rgb emitted(const PointLightDescription& l) { return l.intensity; }
+  static Rgb emitted(const SpotLightDescription& l) { return l.intensity; }
+  static Rgb emitted(const DistantLightDescription& l) { return l.radiance; }
+  static Rgb emitted(const InfiniteLightDescription& l) { return l.radiance; }
 
   const SceneDescription& scene_;
   const World& world_;

@@ -17,7 +17,8 @@ struct EffectEntry {
 };
 
 /// The effects in a fixed order. A medium counts only where a boundary that is placed in the scene, or the camera,
-/// leads into it, and only what it really does: an emission of zero or a scattering of zero is none.
+/// leads into it, a shape of an object only where the object is placed, and only what things really do: an emission
+/// of zero or a scattering of zero is none.
 std::vector<EffectEntry> plan_effects(const SceneDescription& scene, const World& world);
 
 }  // namespace woodcock

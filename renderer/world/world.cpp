@@ -206,9 +206,15 @@ std::optional<int> find_medium(const Geometry& geometry, const std::vector<Surfa
       ray.o = offset_origin(s, ray.d);
     }
   }
-  std::optional<int> best = votes[0];
+  // A direction that meets no boundary says nothing.
+  std::optional<int> best;
+  ptrdiff_t most = 0;
   for (const auto& v : votes) {
-    if (std::count(votes.begin(), votes.end(), v) > std::count(votes.begin(), votes.end(), best)) best = v;
+    const ptrdiff_t count = std::count(votes.begin(), votes.end(), v);
+    if (v && count > most) {
+      best = v;
+      most = count;
+    }
   }
   return best;
 }

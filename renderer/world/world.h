@@ -69,8 +69,8 @@ struct World {
 /// Compiles a description. Throws SceneError for what cannot be built.
 std::unique_ptr<const World> build_world(const SceneDescription& scene);
 
-/// The medium at a point (kNone is vacuum): that of the near side of the first boundary met, by the majority of several
-/// directions; nothing where most of them meet no boundary.
+/// The medium at a point (kNone is vacuum): that of the near side of the first boundary met, by the majority of
+/// those of several directions that meet one; nothing where none does.
 std::optional<int> find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Vec3 point);
 
 }  // namespace woodcock
