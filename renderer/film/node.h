@@ -29,8 +29,8 @@ inline constexpr int kReplicates = 8;
 /// Nodes of this level hold a sample of every replicate: 2^kReplicateLevel = kReplicates.
 inline constexpr int kReplicateLevel = 3;
 
-/// What one sample sees at its first surface: averaged as radiance is. All zero where it saw nothing, depth included,
-/// so that every number stays finite.
+/// What one sample sees at its first event that is no interface, at a surface or in a medium: averaged as radiance is. All zero where it
+/// saw nothing, depth included, so that every number stays finite.
 struct Aovs {
   Rgb albedo{0};    ///< [0, 1]
   Vec3 normal{0};   ///< world space, unit length (a mean is shorter)
