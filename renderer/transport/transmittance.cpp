@@ -10,7 +10,8 @@ namespace {
 /// More boundaries than this in one segment mean a defect of the scene (a stack of coincident shells).
 constexpr int kMaxCrossings = 10000;
 
-/// A hit on the target's own primitive this close to the sampled point is the sampled point.
+/// A hit on the target's own primitive this close to the sampled point is the sampled point; in parts of the whole way,
+/// since behind a boundary next to the target next to nothing of it is left.
 constexpr double kTargetTolerance = 1e-3;
 
 /// Below this estimate roulette decides whether a tracking goes on.
@@ -63,7 +64,7 @@ Rgb shadow_transmittance(const World& world, Ray ray, float t_max, int medium, T
   for (int crossing = 0; crossing < kMaxCrossings; ++crossing) {
     const auto hit = world.geometry.intersect(ray, left);
     if (!hit) return through_medium(estimate, static_cast<float>(left));
-    if (hit->shape == target.shape && hit->primitive == target.primitive && hit->t > left * (1 - kTargetTolerance)) {
+    if (hit->shape == target.shape && hit->primitive == target.primitive && left - hit->t < kTargetTolerance * static_cast<double>(t_max)) {
       return through_medium(estimate, static_cast<float>(hit->t));
     }
     const SurfaceInfo& info = world.surfaces[static_cast<size_t>(hit->shape)];

@@ -179,6 +179,17 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
                              "\", but the boundaries around it say \"" + name(*found) + "\"; the camera's own word is used");
     }
   }
+  if (!scene.camera.media.given && scene.camera.kind == CameraDescription::Kind::kOrthographic) {
+    const auto [x0, x1, y0, y1] = scene.film.pixel_bounds;
+    for (const DVec2 corner : {DVec2(x0, y0), DVec2(x1, y0), DVec2(x0, y1), DVec2(x1, y1)}) {
+      const auto there = find_medium(world->geometry, world->surfaces, world->camera.ray(corner, Vec2(0.5f), 0).o);
+      if (there.value_or(kNone) == world->camera_medium) continue;
+      world->notes.push_back(
+          "the orthographic camera's window lies in several media; all rays start in that of its centre: a MediumInterface before Camera "
+          "says which one is meant");
+      break;
+    }
+  }
   return world;
 }
 

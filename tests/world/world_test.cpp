@@ -77,6 +77,17 @@ TEST(CameraMedium, OnABoundaryIsOneOfItsSides) {
   }
 }
 
+TEST(CameraMedium, OfAWindowInSeveralMediaIsThatOfItsCentreWithANote) {
+  const auto notes = [](double half_width) {
+    return build_world(read(kMedia + "LookAt 0 0 0 0 0 1 0 1 0\n" +
+                            fmt::format("Camera \"orthographic\" \"float screenwindow\" [ {0} {1} {0} {1} ]\n", -half_width, half_width) +
+                            "WorldBegin\n" + ball("a", "", 1) + ball("b", "", 50)))
+        ->notes;
+  };
+  EXPECT_THAT(notes(0.5), IsEmpty());
+  EXPECT_THAT(notes(3), ElementsAre(HasSubstr("several media")));
+}
+
 TEST(RenderSpace, ScalesWithTheSceneByPowersOfTwo) {
   const auto space = [](double s) {
     return choose_render_space(read(fmt::format(
