@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <stdexcept>
 
+#include "client/health.h"
 #include "client/job_view.h"
 #include "client/output_path.h"
 #include "client/price.h"
@@ -50,6 +51,7 @@ void check_output(const std::string& output, int64_t frames) {
 Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& options) {
   check_output(options.output, options.frame ? 1 : job.frame_count());
   Fetched fetched;
+  PathCounters health;
   for (const v1::FrameStatus& status : job.frames()) {
     if (options.frame && status.frame() != *options.frame) continue;
     const std::string asked = options.output.empty() ? "" : with_frame_number(options.output, status.frame());
@@ -64,6 +66,7 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
     const fs::path png = fs::path(path).replace_extension(".png");
     write_png(path, png);
 
+    health.add(health_of(response.frame()));
     const bool complete = !response.partial() && response.frame().state() != v1::FRAME_STATE_PARTIAL;
     fetched.complete = fetched.complete && complete;
     fetched.frames.push_back({{"frame", status.frame()},
@@ -83,6 +86,7 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
   if (fetched.frames.empty()) throw std::runtime_error(fmt::format("job {} has no frame {}", job.job_id(), options.frame.value_or(0)));
   if (!options.quiet && fetched.complete)
     fmt::print("more samples: woodcock extend {} --spp N (times above are of one thread)\n", job.job_id());
+  report_health(health);
   return fetched;
 }
 

@@ -67,6 +67,11 @@ json frame_json(const v1::FrameStatus& frame) {
            {"image_bytes", frame.image_bytes()},
            {"build", frame.header().build()},
            {"arithmetic_class", frame.header().arithmetic_class()},
+           {"health",
+            {{"nonfinite_samples", frame.health().nonfinite_samples()},
+             {"clamped_samples", frame.health().clamped_samples()},
+             {"majorant_violations", frame.health().majorant_violations()},
+             {"truncated_paths", frame.health().truncated_paths()}}},
            {"failed_tasks", json::array()}};
   if (frame.has_statistics()) out["statistics"] = statistics_json(frame.statistics());
   for (const v1::FailedTask& task : frame.failed_tasks())

@@ -6,6 +6,7 @@
 
 #include "client/commands.h"
 #include "client/fetch_frames.h"
+#include "client/health.h"
 #include "client/job_view.h"
 #include "client/progress_line.h"
 #include "client/service.h"
@@ -51,6 +52,7 @@ void print_job(const v1::Job& job) {
     if (!frame.waiting_reason().empty()) fmt::print(", waits: {}", frame.waiting_reason());
     if (!frame.reason().empty()) fmt::print(", {}", frame.reason());
     fmt::print("\n");
+    for (const std::string& line : health_warnings(health_of(frame))) fmt::print("  warning: {}\n", line);
     for (const v1::FailedTask& task : frame.failed_tasks())
       fmt::print("  given up: pixels {},{} to {},{}, samples {} to {}: {}\n", task.rect().x0(), task.rect().y0(), task.rect().x1(),
                  task.rect().y1(), task.range().begin(), task.range().end(), task.last_error());
@@ -137,6 +139,7 @@ void add_watch_command(CLI::App& app, int& code) {
     Service service(options->service);
     const auto job = watch_job_on_terminal(service, options->job, options->json);
     if (job) report(*job, options->json);
+    if (job) report_health(health_of(*job));
     code = job ? exit_code(job->state()) : 1;
   });
 }

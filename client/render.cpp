@@ -8,6 +8,7 @@
 
 #include "client/commands.h"
 #include "client/frame_options.h"
+#include "client/health.h"
 #include "client/interrupt.h"
 #include "client/local_render.h"
 #include "client/output_path.h"
@@ -68,15 +69,6 @@ nlohmann::json counters_json(const PathCounters& c) {
           {"clamped_samples", c.clamped},
           {"majorant_violations", c.majorant_violations},
           {"truncated_paths", c.truncated}};
-}
-
-void report_health(const PathCounters& c) {
-  if (c.nonfinite > 0) fmt::print(stderr, "warning: {} samples were not finite and count as zero\n", c.nonfinite);
-  if (c.clamped > 0)
-    fmt::print(stderr, "warning: {} samples were clamped by the film's maxcomponentvalue: the picture is biased\n", c.clamped);
-  if (c.majorant_violations > 0)
-    fmt::print(stderr, "warning: {} density look-ups exceeded their bound: the picture is biased\n", c.majorant_violations);
-  if (c.truncated > 0) fmt::print(stderr, "warning: {} paths crossed too many boundaries and were cut off\n", c.truncated);
 }
 
 int run(const RenderOptions& options) {

@@ -11,6 +11,7 @@
 #include "client/commands.h"
 #include "client/fetch_frames.h"
 #include "client/frame_options.h"
+#include "client/health.h"
 #include "client/job_view.h"
 #include "client/progress_line.h"
 #include "client/service.h"
@@ -159,9 +160,12 @@ int run(const SubmitOptions& options) {
       fetch.output = options.output;
       fetch.quiet = options.json;
       report["images"] = fetch_frames(service, *job, fetch).frames;
-    } else if (!options.json) {
-      fmt::print("{}\n", id);
-      fmt::print(stderr, "job {} is {}; get it with: woodcock fetch {} -o OUT.exr\n", id, state_name(job->state()), id);
+    } else {
+      if (!options.json) {
+        fmt::print("{}\n", id);
+        fmt::print(stderr, "job {} is {}; get it with: woodcock fetch {} -o OUT.exr\n", id, state_name(job->state()), id);
+      }
+      report_health(health_of(*job));
     }
   }
   if (options.json) fmt::print("{}\n", report.dump(2));

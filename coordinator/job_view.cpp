@@ -54,6 +54,11 @@ v1::FrameStatus frame_view(const Scheduler& scheduler, const Job& job, const Fra
   wire.set_image_bytes(frame.row.image_bytes);
   if (!frame.row.image_digest.empty()) *wire.mutable_statistics() = to_wire(frame.row.statistics);
   wire.set_reason(frame.row.reason);
+  v1::HealthCounts& health = *wire.mutable_health();
+  health.set_nonfinite_samples(frame.health.nonfinite);
+  health.set_clamped_samples(frame.health.clamped);
+  health.set_majorant_violations(frame.health.majorant_violations);
+  health.set_truncated_paths(frame.health.truncated);
   if (frame.given_up == 0) return wire;
   for (size_t i = 0; i < frame.tasks.size() && wire.failed_tasks_size() < kListedFailures; ++i) {
     const Task& task = frame.tasks[i];

@@ -23,6 +23,18 @@ std::optional<TaskRef> parse_task_id(const std::string& id) {
   return task;
 }
 
+HealthCounts& HealthCounts::operator+=(const HealthCounts& o) {
+  nonfinite += o.nonfinite;
+  clamped += o.clamped;
+  majorant_violations += o.majorant_violations;
+  truncated += o.truncated;
+  return *this;
+}
+
+HealthCounts& HealthCounts::operator-=(const HealthCounts& o) {
+  return *this += {-o.nonfinite, -o.clamped, -o.majorant_violations, -o.truncated};
+}
+
 const char* to_string(JobState state) {
   static constexpr const char* kNames[] = {"queued", "running", "paused", "assembling", "done", "partial", "failed", "cancelled"};
   return kNames[static_cast<int>(state)];

@@ -70,12 +70,23 @@ struct TaskCost {
   int64_t cpu_ns = 0, wall_ns = 0, samples = 0;
 };
 
+/// What went wrong in a render, by cause: see renderer/transport/counters.h.
+struct HealthCounts {
+  int64_t nonfinite = 0, clamped = 0, majorant_violations = 0, truncated = 0;
+
+  bool any() const { return nonfinite > 0 || clamped > 0 || majorant_violations > 0 || truncated > 0; }
+  HealthCounts& operator+=(const HealthCounts& o);
+  HealthCounts& operator-=(const HealthCounts& o);
+  friend bool operator==(const HealthCounts&, const HealthCounts&) = default;
+};
+
 /// A committed tile.
 struct ResultRecord {
   std::string key;
   std::string digest;
   int64_t bytes = 0;
   TaskCost cost;
+  HealthCounts health;  ///< unlike the cost it stays with the tile when another job takes it
 };
 
 /// A settled task's row. Done: `result`; split: the number of its first part; given up: the last error.

@@ -118,9 +118,14 @@ struct Frame {
   std::set<std::string> scene_failures;  ///< workers that could not read the scene
   int64_t samples_total = 0, samples_done = 0;
   int64_t cpu_ns = 0;
-  std::deque<int64_t> durations;  ///< wall time of the last commits, nanoseconds
+  HealthCounts health;                        ///< sum over the tasks done
+  std::map<int64_t, HealthCounts> unhealthy;  ///< its share of each task that has any
+  std::deque<int64_t> durations;              ///< wall time of the last commits, nanoseconds
 
   FrameHeader pinned_header() const;
+  /// A task is done, or open again.
+  void add_health(int64_t number, const HealthCounts& counts);
+  void remove_health(int64_t number);
 };
 
 struct Job {

@@ -13,6 +13,19 @@ FrameHeader Frame::pinned_header() const {
   return header;
 }
 
+void Frame::add_health(int64_t number, const HealthCounts& counts) {
+  if (!counts.any()) return;
+  unhealthy[number] = counts;
+  health += counts;
+}
+
+void Frame::remove_health(int64_t number) {
+  const auto it = unhealthy.find(number);
+  if (it == unhealthy.end()) return;
+  health -= it->second;
+  unhealthy.erase(it);
+}
+
 Job* Scheduler::job_of(const std::string& id) {
   const auto it = jobs_.find(id);
   return it == jobs_.end() ? nullptr : &it->second;
@@ -108,6 +121,7 @@ void Scheduler::restore_tasks(Job& job, Frame& frame, const std::vector<SettledT
       ++frame.done;
       frame.samples_done += task.area.samples();
       frame.cpu_ns += row.result.cost.cpu_ns;
+      frame.add_health(row.number, row.result.health);
     } else {
       ++frame.given_up;
     }

@@ -78,6 +78,7 @@ void Scheduler::committed(const action::CommitTask& commit, Time now) {
   ++frame.done;
   frame.samples_done += task->area.samples();
   frame.cpu_ns += commit.result.cost.cpu_ns;
+  frame.add_health(commit.task.number, commit.result.health);
   frame.durations.push_back(commit.result.cost.wall_ns);
   if (frame.durations.size() > 101) frame.durations.pop_front();
   job->recent.emplace_back(now, task->area.samples());
@@ -169,6 +170,7 @@ void Scheduler::frame_pinned(const action::PinFrame& pin, const std::vector<Sett
     --frame.unsettled;
     ++frame.done;
     frame.samples_done += task.area.samples();
+    frame.add_health(row.number, row.result.health);
   }
   if (!reused.empty())
     log(id, EventKind::TaskReused, frame.spec.header.frame, "", "", std::to_string(reused.size()) + " results were there already");
@@ -185,6 +187,7 @@ void Scheduler::reopen(const TaskRef& ref, const std::string& reason) {
   ++frame.unsettled;
   --frame.done;
   frame.samples_done -= task->area.samples();
+  frame.remove_health(ref.number);
   if (!has_ended(frame.row.state)) frame.row.state = FrameState::Running;
   job->first_unfinished = 0;
   requeue(ref);

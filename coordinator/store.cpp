@@ -13,9 +13,8 @@
 namespace woodcock::coordinator {
 namespace {
 
-constexpr int kSchemaVersion = 1;
-
-constexpr const char* kSchema[] = {
+/// The first schema; a new database starts with it too, and then goes through every upgrade.
+constexpr const char* kFirstSchema[] = {
     "create table schema_version (version bigint not null)",
     "create table leader (id bigint primary key, term bigint not null, address text not null)",
     "create table jobs (job_id text primary key, request_id text not null unique, request_digest text not null, name text not null,"
@@ -42,6 +41,18 @@ constexpr const char* kSchema[] = {
     "create table events (job_id text not null, number bigint not null, unix_ms bigint not null, kind bigint not null, frame bigint not "
     "null,"
     " task_id text not null, worker_id text not null, message text not null, primary key (job_id, number))",
+};
+
+/// Element i leads from version i + 1 to i + 2.
+const std::vector<std::vector<const char*>> kUpgrades{
+    {"alter table settled add column nonfinite bigint not null default 0",
+     "alter table settled add column clamped bigint not null default 0",
+     "alter table settled add column majorant_violations bigint not null default 0",
+     "alter table settled add column truncated bigint not null default 0",
+     "alter table results add column nonfinite bigint not null default 0",
+     "alter table results add column clamped bigint not null default 0",
+     "alter table results add column majorant_violations bigint not null default 0",
+     "alter table results add column truncated bigint not null default 0"},
 };
 
 [[noreturn]] void refuse(const std::string& message) { throw std::runtime_error(message); }
@@ -71,15 +82,19 @@ Store::Store(const StoreOptions& options) : options_(options) {
     int tables = 0;
     sql << "select count(*) from sqlite_master where type = 'table' and name = 'schema_version'", soci::into(tables);
     if (tables == 0) {
-      for (const char* statement : kSchema) sql << statement;
-      sql << "insert into schema_version (version) values (:v)", soci::use(kSchemaVersion);
+      for (const char* statement : kFirstSchema) sql << statement;
+      sql << "insert into schema_version (version) values (1)";
       sql << "insert into leader (id, term, address) values (1, 0, '')";
     }
     int version = 0;
     sql << "select version from schema_version", soci::into(version);
-    if (version != kSchemaVersion)
-      refuse("the database has schema " + std::to_string(version) + ", this program knows schema " + std::to_string(kSchemaVersion) +
+    const int newest = static_cast<int>(kUpgrades.size()) + 1;
+    if (version < 1 || version > newest)
+      refuse("the database has schema " + std::to_string(version) + ", this program knows schema " + std::to_string(newest) +
              "; use a matching program");
+    for (; version < newest; ++version)
+      for (const char* statement : kUpgrades[static_cast<size_t>(version) - 1]) sql << statement;
+    sql << "update schema_version set version = :v", soci::use(version);
     long long term = 0;
     sql << "update leader set term = term + 1, address = :a where id = 1", soci::use(options.address);
     sql << "select term from leader where id = 1", soci::into(term);

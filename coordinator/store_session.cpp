@@ -65,6 +65,13 @@ Integer affected(Prepared&& prepared) {
   return statement.get_affected_rows();
 }
 
+/// HealthCounts in the database's integers.
+struct HealthColumns {
+  explicit HealthColumns(const HealthCounts& h)
+      : nonfinite(h.nonfinite), clamped(h.clamped), majorant_violations(h.majorant_violations), truncated(h.truncated) {}
+  Integer nonfinite, clamped, majorant_violations, truncated;
+};
+
 constexpr Integer kAttemptsKept = 20;
 
 }  // namespace
@@ -122,19 +129,24 @@ bool StoreSession::commit_task(const TaskRef& task, int64_t parent, const Result
   row.result = result;
   if (!settle_task(task, row)) return false;
   const Integer bytes = result.bytes, cpu = result.cost.cpu_ns, wall = result.cost.wall_ns, samples = result.cost.samples;
-  sql_
-      << "insert into results (result_key, digest, bytes, cpu_ns, wall_ns, samples) values (:k, :d, :b, :c, :w, :s) on conflict do nothing",
-      use(result.key), use(result.digest), use(bytes), use(cpu), use(wall), use(samples);
+  const HealthColumns health(result.health);
+  sql_ << "insert into results (result_key, digest, bytes, cpu_ns, wall_ns, samples, nonfinite, clamped, majorant_violations, truncated)"
+          " values (:k, :d, :b, :c, :w, :s, :nf, :cl, :mv, :tr) on conflict do nothing",
+      use(result.key), use(result.digest), use(bytes), use(cpu), use(wall), use(samples), use(health.nonfinite), use(health.clamped),
+      use(health.majorant_violations), use(health.truncated);
   return true;
 }
 
 bool StoreSession::settle_task(const TaskRef& task, const SettledTask& row) {
   const Integer frame = task.frame, number = task.number, state = static_cast<int>(row.state), bytes = row.result.bytes;
   const Integer cpu = row.result.cost.cpu_ns, wall = row.result.cost.wall_ns, samples = row.result.cost.samples, first = row.first_part;
+  const HealthColumns health(row.result.health);
   return affected((sql_.prepare << "insert into settled (job_id, frame, number, state, result_key, digest, bytes, cpu_ns, wall_ns, samples,"
-                                   " first_part, error) values (:j, :f, :n, :s, :k, :d, :b, :c, :w, :sa, :fp, :e) on conflict do nothing",
+                                   " first_part, error, nonfinite, clamped, majorant_violations, truncated)"
+                                   " values (:j, :f, :n, :s, :k, :d, :b, :c, :w, :sa, :fp, :e, :nf, :cl, :mv, :tr) on conflict do nothing",
                    use(task.job), use(frame), use(number), use(state), use(row.result.key), use(row.result.digest), use(bytes), use(cpu),
-                   use(wall), use(samples), use(first), use(row.error))) == 1;
+                   use(wall), use(samples), use(first), use(row.error), use(health.nonfinite), use(health.clamped),
+                   use(health.majorant_violations), use(health.truncated))) == 1;
 }
 
 void StoreSession::reopen_task(const TaskRef& task, const std::string& result_key) {
@@ -148,11 +160,15 @@ std::optional<ResultRecord> StoreSession::find_result(const std::string& key) {
   ResultRecord result;
   result.key = key;
   Integer bytes = 0, cpu = 0, wall = 0, samples = 0;
-  sql_ << "select digest, bytes, cpu_ns, wall_ns, samples from results where result_key = :k", use(key), into(result.digest), into(bytes),
-      into(cpu), into(wall), into(samples);
+  HealthColumns health({});
+  sql_ << "select digest, bytes, cpu_ns, wall_ns, samples, nonfinite, clamped, majorant_violations, truncated from results"
+          " where result_key = :k",
+      use(key), into(result.digest), into(bytes), into(cpu), into(wall), into(samples), into(health.nonfinite), into(health.clamped),
+      into(health.majorant_violations), into(health.truncated);
   if (!sql_.got_data()) return std::nullopt;
   result.bytes = bytes;
   result.cost = {cpu, wall, samples};
+  result.health = {health.nonfinite, health.clamped, health.majorant_violations, health.truncated};
   return result;
 }
 
@@ -294,15 +310,18 @@ std::vector<RecoveredJob> StoreSession::load_jobs() {
   }
   const soci::rowset<soci::row> settled_rows =
       (sql_.prepare
-       << "select job_id, frame, number, state, result_key, digest, bytes, cpu_ns, wall_ns, samples, first_part, error from settled"
-          " order by job_id, frame, number");
+       << "select job_id, frame, number, state, result_key, digest, bytes, cpu_ns, wall_ns, samples, first_part, error, nonfinite,"
+          " clamped, majorant_violations, truncated from settled order by job_id, frame, number");
   for (const soci::row& r : settled_rows) {
     SettledTask task;
     task.frame = static_cast<int>(r.get<Integer>(1));
     task.number = r.get<Integer>(2);
     task.state = static_cast<TaskState>(r.get<Integer>(3));
-    task.result = {
-        r.get<std::string>(4), r.get<std::string>(5), r.get<Integer>(6), {r.get<Integer>(7), r.get<Integer>(8), r.get<Integer>(9)}};
+    task.result = {r.get<std::string>(4),
+                   r.get<std::string>(5),
+                   r.get<Integer>(6),
+                   {r.get<Integer>(7), r.get<Integer>(8), r.get<Integer>(9)},
+                   {r.get<Integer>(12), r.get<Integer>(13), r.get<Integer>(14), r.get<Integer>(15)}};
     task.first_part = r.get<Integer>(10);
     task.error = r.get<std::string>(11);
     jobs.at(index.at(r.get<std::string>(0))).settled.push_back(std::move(task));

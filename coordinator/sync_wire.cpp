@@ -96,6 +96,11 @@ std::vector<Offer> offers_from_wire(const v1::SyncRequest& request) {
     offer.result.bytes = wire.bytes();
     const auto bounded = [](int64_t value) { return std::clamp<int64_t>(value, 0, int64_t{1} << 53); };
     offer.result.cost = {bounded(wire.cost().cpu_ns()), bounded(wire.cost().wall_ns()), bounded(wire.cost().samples())};
+    // A million tasks of so many add up within 64 bits.
+    const auto counted = [](int64_t value) { return std::clamp<int64_t>(value, 0, int64_t{1} << 42); };
+    const v1::HealthCounts& health = wire.cost().health();
+    offer.result.health = {counted(health.nonfinite_samples()), counted(health.clamped_samples()), counted(health.majorant_violations()),
+                           counted(health.truncated_paths())};
     offers.push_back(std::move(offer));
   }
   return offers;

@@ -127,9 +127,11 @@ ChildProgress child_progress_from(const json& message) {
 }
 
 json to_json(const RenderedTile& tile) {
-  return {{"path", tile.path},       {"digest", tile.digest},           {"result_key", tile.result_key},
-          {"bytes", tile.bytes},     {"samples", tile.samples},         {"bounces", tile.bounces},
-          {"seconds", tile.seconds}, {"cpu_seconds", tile.cpu_seconds}, {"world_reused", tile.world_reused}};
+  return {{"path", tile.path},           {"digest", tile.digest},           {"result_key", tile.result_key},
+          {"bytes", tile.bytes},         {"samples", tile.samples},         {"bounces", tile.bounces},
+          {"seconds", tile.seconds},     {"cpu_seconds", tile.cpu_seconds}, {"world_reused", tile.world_reused},
+          {"nonfinite", tile.nonfinite}, {"clamped", tile.clamped},         {"majorant_violations", tile.majorant_violations},
+          {"truncated", tile.truncated}};
 }
 
 RenderedTile rendered_tile_from(const json& message) {
@@ -143,6 +145,10 @@ RenderedTile rendered_tile_from(const json& message) {
   message.at("seconds").get_to(tile.seconds);
   message.at("cpu_seconds").get_to(tile.cpu_seconds);
   message.at("world_reused").get_to(tile.world_reused);
+  message.at("nonfinite").get_to(tile.nonfinite);
+  message.at("clamped").get_to(tile.clamped);
+  message.at("majorant_violations").get_to(tile.majorant_violations);
+  message.at("truncated").get_to(tile.truncated);
   return tile;
 }
 

@@ -57,8 +57,10 @@ struct RenderedTile {
   uint64_t bytes = 0;
   uint64_t samples = 0;  ///< camera paths in it
   uint64_t bounces = 0;
-  double seconds = 0;         ///< wall time of the rendering phase
-  double cpu_seconds = 0;     ///< of all threads
+  double seconds = 0;      ///< wall time of the rendering phase
+  double cpu_seconds = 0;  ///< of all threads
+  /// What went wrong by cause: see PathCounters.
+  uint64_t nonfinite = 0, clamped = 0, majorant_violations = 0, truncated = 0;
   bool world_reused = false;  ///< the compiled scene was still there from an earlier task
 };
 

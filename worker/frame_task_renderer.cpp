@@ -110,7 +110,12 @@ std::optional<RenderedTile> FrameTaskRenderer::render(const RenderCommand& comma
   result.bounces = progress_->bounces;
   {
     const std::lock_guard lock(progress_->counters_mutex);
-    const uint64_t bad = progress_->counters.nonfinite;
+    const PathCounters& counters = progress_->counters;
+    result.nonfinite = counters.nonfinite;
+    result.clamped = counters.clamped;
+    result.majorant_violations = counters.majorant_violations;
+    result.truncated = counters.truncated;
+    const uint64_t bad = counters.nonfinite;
     if (bad > 0)
       std::fprintf(stderr, "%llu of %llu samples are not finite\n", static_cast<unsigned long long>(bad),
                    static_cast<unsigned long long>(result.samples));

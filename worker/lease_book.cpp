@@ -292,6 +292,11 @@ void LeaseBook::rendered(const v1::LeaseGrant& grant, const RenderedTile& tile) 
   offer.mutable_cost()->set_cpu_ns(static_cast<int64_t>(tile.cpu_seconds * 1e9));
   offer.mutable_cost()->set_wall_ns(static_cast<int64_t>(tile.seconds * 1e9));
   offer.mutable_cost()->set_samples(static_cast<int64_t>(tile.samples));
+  v1::HealthCounts& health = *offer.mutable_cost()->mutable_health();
+  health.set_nonfinite_samples(static_cast<int64_t>(tile.nonfinite));
+  health.set_clamped_samples(static_cast<int64_t>(tile.clamped));
+  health.set_majorant_violations(static_cast<int64_t>(tile.majorant_violations));
+  health.set_truncated_paths(static_cast<int64_t>(tile.truncated));
   spool_.add(offer);
   if (Lease* lease = find(grant.lease_id())) {
     lease->stage = Stage::kOffering;

@@ -60,6 +60,36 @@ TEST_F(Service, ExtendRendersOnlyTheDifferenceAndGivesTheSameFile) {
   EXPECT_TRUE(contents(path("image.exr")) == rendered({kCornell, "--spp", "32", "--resolution", "48x48"}));
 }
 
+TEST_F(Service, ClampedSamplesAreCountedAndSaidAsRenderDoes) {
+  std::string text = contents(kSphere);
+  const std::string film = "Film \"rgb\"";
+  ASSERT_NE(text.find(film), std::string::npos);
+  text.insert(text.find(film) + film.size(), " \"float maxcomponentvalue\" 0.4");
+  std::ofstream(path("clamped.pbrt")) << text;
+  const std::vector<std::string> scene{path("clamped.pbrt"), "--spp", "4", "--resolution", "32x32"};
+  const Ended local = woodcock(joined({"render", "--json", "-o", path("local.exr")}, scene));
+  const auto clamped = nlohmann::json::parse(local.out)["counters"]["clamped_samples"];
+  ASSERT_GT(clamped, 0) << "the fault did not fire";
+  ASSERT_THAT(local.err, HasSubstr("clamped by the film's maxcomponentvalue"));
+
+  start_coordinator();
+  start_worker();
+  const Ended run = woodcock(joined({"submit", "--tile", "16", "--watch", "--json"}, scene));
+  ASSERT_EQ(run.code, 0) << run.err;
+  const std::string warning = local.err.substr(local.err.rfind("warning: "));
+  EXPECT_THAT(run.err, HasSubstr(warning));
+  kill_coordinator();
+  restart_coordinator();
+  const std::string job = nlohmann::json::parse(run.out)["job_id"];
+  EXPECT_EQ(show(job)["frames"][0]["health"]["clamped_samples"], clamped) << "the counts outlive a crash";
+  EXPECT_THAT(woodcock({"show", job}).out, HasSubstr(warning));
+  EXPECT_THAT(woodcock({"fetch", job, "-o", path("image.exr")}).err, HasSubstr(warning));
+
+  const Ended again = woodcock(joined({"submit", "--tile", "16", "-o", path("again.exr")}, scene));
+  EXPECT_EQ(again.code, 0) << again.err;
+  EXPECT_THAT(again.err, HasSubstr(warning)) << "results that were there already keep their counts";
+}
+
 TEST_F(Service, FramesOfASequenceAreNumbered) {
   for (const char* number : {"08", "09"}) fs::copy_file(kSphere, path(std::string("shot.") + number + ".pbrt"));
   start_coordinator();

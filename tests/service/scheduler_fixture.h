@@ -95,7 +95,7 @@ class SchedulerWorld {
   }
 
   OfferStatus finish(const std::string& worker, const Grant& grant, const std::string& digest = std::string(64, 'd')) {
-    Offer offer{grant.lease_id, to_string(grant.task), grant.epoch, {grant.result_key, digest, 100, {1, kSecond, 1}}};
+    Offer offer{grant.lease_id, to_string(grant.task), grant.epoch, {grant.result_key, digest, 100, {1, kSecond, 1}, {}}};
     const OfferStatus status = scheduler.offer(offer, worker, true, now).status;
     held[worker].erase(grant.lease_id);
     settle();

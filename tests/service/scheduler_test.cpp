@@ -138,7 +138,7 @@ TEST(Scheduler, AResultWithAnotherKeyOrWithoutItsBlobDoesNotCommit) {
   SchedulerWorld world;
   world.scheduler.add_job(test_job("j1"));
   const Grant grant = world.sync("w1").at(0);
-  Offer offer{grant.lease_id, to_string(grant.task), grant.epoch, {grant.result_key, std::string(64, 'd'), 100, {}}};
+  Offer offer{grant.lease_id, to_string(grant.task), grant.epoch, {grant.result_key, std::string(64, 'd'), 100, {}, {}}};
   EXPECT_EQ(world.scheduler.offer(offer, "w1", false, world.now).status, OfferStatus::UploadNeeded);
   offer.result.key = std::string(64, '0');
   EXPECT_EQ(world.scheduler.offer(offer, "w1", true, world.now).status, OfferStatus::Refused);
@@ -300,6 +300,24 @@ TEST(Scheduler, F24PauseStopsNewLeasesCancelEndsThemAndALateResultChangesNothing
   EXPECT_EQ(world.finish("w1", grants[1]), OfferStatus::Refused);
   EXPECT_FALSE(world.scheduler.set_paused("j1", false));
   EXPECT_EQ(world.scheduler.find("j1")->row.state, JobState::Cancelled);
+}
+
+TEST(Scheduler, WhatWentWrongIsSummedOverTheResultsOfAFrame) {
+  SchedulerWorld world;
+  world.scheduler.add_job(test_job("j1"));
+  const Frame& frame = world.scheduler.find("j1")->frames[0];
+  std::vector<TaskRef> done;
+  for (int i = 0; i < 2; ++i) {
+    const Grant grant = world.sync("w1").at(0);
+    Offer offer{grant.lease_id, to_string(grant.task), grant.epoch, {grant.result_key, std::string(64, 'd'), 100, {}, {1, 2, 3, 4}}};
+    world.scheduler.offer(offer, "w1", true, world.now);
+    world.held["w1"].erase(grant.lease_id);
+    world.settle();
+    done.push_back(grant.task);
+  }
+  EXPECT_EQ(frame.health, (HealthCounts{2, 4, 6, 8}));
+  world.scheduler.reopen(done[0], "damaged");
+  EXPECT_EQ(frame.health, (HealthCounts{1, 2, 3, 4})) << "a result that is thrown away takes its counts along";
 }
 
 TEST(Scheduler, ExtendingRendersOnlyTheDifference) {

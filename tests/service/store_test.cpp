@@ -16,7 +16,7 @@ StoreOptions options(const std::string& dir) {
   return {dir, "127.0.0.1:1", [](const std::string& reason) { FAIL() << reason; }, 512};
 }
 
-ResultRecord result(char digest) { return {std::string(64, 'k'), std::string(64, digest), 10, {1, 2, 3}}; }
+ResultRecord result(char digest) { return {std::string(64, 'k'), std::string(64, digest), 10, {1, 2, 3}, {}}; }
 
 TEST(Store, WhatWasWrittenIsThereAfterARestartAndTheTermGrows) {
   const TemporaryFolder folder;
@@ -28,7 +28,12 @@ TEST(Store, WhatWasWrittenIsThereAfterARestartAndTheTermGrows) {
     EXPECT_EQ(store.term(), 1u);
     EXPECT_TRUE(store.read([&](StoreSession& s) { return s.insert_job(spec); }));
     store.read([&](StoreSession& s) { return s.commit_task({"j1", 0, 3}, -1, result('d')); });
-    store.write([&](StoreSession& s) { s.save_lease({"L1-1", {"j1", 0, 4}, "w1", (uint64_t{7} << 32) + 1}); });
+    LeaseRow lease;
+    lease.lease_id = "L1-1";
+    lease.task = TaskRef{"j1", 0, 4};
+    lease.worker_id = "w1";
+    lease.epoch = (uint64_t{7} << 32) + 1;
+    store.write([lease](StoreSession& s) { s.save_lease(lease); });
     store.write([&](StoreSession& s) { s.append_event("j1", {1, 5, EventKind::Submitted, 12, "", "", "it's \"here\""}); });
   }
   Store store(options(folder.path));
@@ -67,6 +72,40 @@ TEST(Store, ATaskCommitsOnceAndAPartOnlyIfItsParentWasSplit) {
   EXPECT_TRUE(store.read([&](StoreSession& s) { return s.settle_task({"j1", 0, 1}, split); }));
   EXPECT_TRUE(commit(16, 1, 'd'));
   EXPECT_FALSE(commit(1, -1, 'd'));
+}
+
+TEST(Store, CountsOfWhatWentWrongStayWithTheResult) {
+  const TemporaryFolder folder;
+  ResultRecord unhealthy = result('d');
+  unhealthy.health = {1, 2, 3, 4};
+  {
+    Store store(options(folder.path));
+    store.read([&](StoreSession& s) { return s.insert_job(test_job("j1")) && s.commit_task({"j1", 0, 3}, -1, unhealthy); });
+  }
+  Store store(options(folder.path));
+  EXPECT_EQ(store.read([](StoreSession& s) { return s.load_jobs(); }).at(0).settled.at(0).result.health, unhealthy.health);
+  EXPECT_EQ(store.read([&](StoreSession& s) { return s.find_result(unhealthy.key); }).value().health, unhealthy.health);
+}
+
+TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
+  const TemporaryFolder folder;
+  {
+    Store store(options(folder.path));
+    store.read([](StoreSession& s) { return s.insert_job(test_job("j1")) && s.commit_task({"j1", 0, 3}, -1, result('d')); });
+  }
+  {
+    soci::session sql(soci::sqlite3, "db=" + folder.path + "/woodcock.sqlite");
+    for (const std::string table : {"settled", "results"})
+      for (const std::string column : {"nonfinite", "clamped", "majorant_violations", "truncated"})
+        sql << "alter table " + table + " drop column " + column;
+    sql << "update schema_version set version = 1";
+  }
+  for (int start = 0; start < 2; ++start) {
+    Store store(options(folder.path));
+    const std::vector<RecoveredJob> jobs = store.read([](StoreSession& s) { return s.load_jobs(); });
+    EXPECT_EQ(jobs.at(0).settled.at(0).result.digest, std::string(64, 'd'));
+    EXPECT_FALSE(jobs.at(0).settled.at(0).result.health.any());
+  }
 }
 
 TEST(Store, TheFolderIsOpenedOnce) {

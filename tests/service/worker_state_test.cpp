@@ -86,6 +86,7 @@ class LeaseBookTest : public TemporaryFolder {
     tile.result_key = key(task_key);
     tile.digest = key('d');
     tile.bytes = 4;
+    tile.nonfinite = 1, tile.clamped = 2, tile.majorant_violations = 3, tile.truncated = 4;
     book_.rendered(*lease, tile);
   }
 
@@ -93,6 +94,20 @@ class LeaseBookTest : public TemporaryFolder {
   LeaseBook book_{spool_};
   BootTime now_ = seconds(1000);
 };
+
+TEST_F(LeaseBookTest, AnOfferSaysWhatWentWrong) {
+  give(grant("a", '1'));
+  finish("a", '1');
+  book_.next_to_upload(now_);
+  book_.uploaded(key('1'));
+  const v1::SyncRequest request = sync();
+  ASSERT_THAT(request.offers(), SizeIs(1));
+  const v1::HealthCounts& health = request.offers(0).cost().health();
+  EXPECT_EQ(health.nonfinite_samples(), 1);
+  EXPECT_EQ(health.clamped_samples(), 2);
+  EXPECT_EQ(health.majorant_violations(), 3);
+  EXPECT_EQ(health.truncated_paths(), 4);
+}
 
 TEST_F(LeaseBookTest, LeaseGoesThroughItsPhases) {
   give(grant("a", '1'));

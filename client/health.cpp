@@ -1,0 +1,38 @@
+#include "client/health.h"
+
+#include <fmt/format.h>
+
+namespace woodcock {
+
+std::vector<std::string> health_warnings(const PathCounters& c) {
+  std::vector<std::string> lines;
+  if (c.nonfinite > 0) lines.push_back(fmt::format("{} samples were not finite and count as zero", c.nonfinite));
+  if (c.clamped > 0)
+    lines.push_back(fmt::format("{} samples were clamped by the film's maxcomponentvalue: the picture is biased", c.clamped));
+  if (c.majorant_violations > 0)
+    lines.push_back(fmt::format("{} density look-ups exceeded their bound: the picture is biased", c.majorant_violations));
+  if (c.truncated > 0) lines.push_back(fmt::format("{} paths crossed too many boundaries and were cut off", c.truncated));
+  return lines;
+}
+
+void report_health(const PathCounters& counters) {
+  for (const std::string& line : health_warnings(counters)) fmt::print(stderr, "warning: {}\n", line);
+}
+
+PathCounters health_of(const v1::FrameStatus& frame) {
+  const auto count = [](int64_t value) { return value > 0 ? static_cast<uint64_t>(value) : 0; };
+  PathCounters counters;
+  counters.nonfinite = count(frame.health().nonfinite_samples());
+  counters.clamped = count(frame.health().clamped_samples());
+  counters.majorant_violations = count(frame.health().majorant_violations());
+  counters.truncated = count(frame.health().truncated_paths());
+  return counters;
+}
+
+PathCounters health_of(const v1::Job& job) {
+  PathCounters sum;
+  for (const v1::FrameStatus& frame : job.frames()) sum.add(health_of(frame));
+  return sum;
+}
+
+}  // namespace woodcock

@@ -1,0 +1,23 @@
+// Warnings about what a render counted: the same words for `render`, `submit`, `watch`, `show` and `fetch`.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "renderer/transport/counters.h"
+#include "woodcock/v1/job.pb.h"
+
+namespace woodcock {
+
+/// One sentence for each cause that was counted; empty when all went well.
+std::vector<std::string> health_warnings(const PathCounters& counters);
+
+/// These sentences on standard error.
+void report_health(const PathCounters& counters);
+
+/// The causes alone; the other counters stay 0.
+PathCounters health_of(const v1::FrameStatus& frame);
+/// Sum over the frames that `job` lists.
+PathCounters health_of(const v1::Job& job);
+
+}  // namespace woodcock
