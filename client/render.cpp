@@ -141,7 +141,12 @@ int run(const RenderOptions& options) {
   }
   report_health(progress.counters);
   if (!result.complete) {
-    fmt::print(stderr, "interrupted: {} holds the samples up to {}; continue with --resume\n", output.string(), result.samples.end);
+    if (error.missing_pixels > 0) {
+      fmt::print(stderr, "interrupted in the first pass: {} misses {} pixels (count 0) and cannot be resumed\n", output.string(),
+                 error.missing_pixels);
+    } else {
+      fmt::print(stderr, "interrupted: {} holds the samples up to {}; continue with --resume\n", output.string(), result.samples.end);
+    }
     return 3;
   }
   return 0;
