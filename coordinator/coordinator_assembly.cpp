@@ -138,13 +138,15 @@ v1::GetFrameResponse Coordinator::frame(const std::string& id, uint64_t number, 
     blobs_.pin(frame.row.image_digest, options_.now());
   };
   {
-    const std::lock_guard lock(mutex_);
+    std::unique_lock lock(mutex_);
     const Job& job = must_find(id);
     const auto frame = std::find_if(job.frames.begin(), job.frames.end(), [&](const Frame& f) { return f.spec.header.frame == number; });
     if (frame == job.frames.end()) rpc::fail_not_found("job " + id + " has no frame " + std::to_string(number));
     *response.mutable_frame() = frame_view(*scheduler_, job, *frame, options_.now());
     if (frame->row.state == FrameState::Done || frame->row.state == FrameState::Partial) {
       final_image(*frame);
+      lock.unlock();
+      store_->flush();
       return response;
     }
     if (!partial)

@@ -42,7 +42,7 @@ v1::SubmitJobResponse Coordinator::submit(const v1::SubmitJobRequest& request) {
     carry_out(action::LogEvent{spec.id, {0, 0, EventKind::Submitted, {}, "", "", spec.name}});
     return false;
   });
-  store_->barrier();
+  store_->flush();
   v1::SubmitJobResponse response;
   response.set_job_id(spec.id);
   response.set_repeated_request(repeated);
@@ -50,14 +50,20 @@ v1::SubmitJobResponse Coordinator::submit(const v1::SubmitJobRequest& request) {
 }
 
 v1::Job Coordinator::job(const std::string& id) {
-  const std::lock_guard lock(mutex_);
-  return view(id, true);
+  v1::Job seen;
+  {
+    const std::lock_guard lock(mutex_);
+    seen = view(id, true);
+  }
+  // What was seen was queued before: nothing is told that a crash could take back.
+  store_->flush();
+  return seen;
 }
 
 v1::ListJobsResponse Coordinator::list(int page_size, const std::string& page_token) {
   if (page_size < 0 || page_size > 1000) rpc::fail_invalid("page_size: expected 1 to 1000, or 0 for 100");
   const size_t limit = page_size == 0 ? 100 : static_cast<size_t>(page_size);
-  const std::lock_guard lock(mutex_);
+  std::unique_lock lock(mutex_);
   std::vector<std::pair<int64_t, std::string>> order;
   for (const auto& [id, job] : scheduler_->jobs()) order.emplace_back(-job.spec.submitted_unix_ms, id);
   std::sort(order.begin(), order.end());
@@ -70,6 +76,8 @@ v1::ListJobsResponse Coordinator::list(int page_size, const std::string& page_to
   v1::ListJobsResponse response;
   for (size_t i = begin; i < std::min(begin + limit, order.size()); ++i) *response.add_jobs() = view(order[i].second, false);
   if (begin + limit < order.size()) response.set_next_page_token(order[begin + limit - 1].second);
+  lock.unlock();
+  store_->flush();
   return response;
 }
 
@@ -78,7 +86,6 @@ v1::Job Coordinator::cancel(const std::string& id) {
     must_find(id);
     scheduler_->cancel(id);
   });
-  store_->barrier();
   return job(id);
 }
 
@@ -87,7 +94,6 @@ v1::Job Coordinator::set_paused(const std::string& id, bool paused) {
     const Job& job = must_find(id);
     if (!scheduler_->set_paused(id, paused)) rpc::fail_precondition("job " + id + " has ended: " + to_string(job.row.state));
   });
-  store_->barrier();
   return job(id);
 }
 
@@ -105,7 +111,6 @@ v1::Job Coordinator::extend(const std::string& id, int64_t samples) {
     if (!scheduler_->extend(id, samples))
       rpc::fail_precondition("job " + id + " is " + to_string(job.row.state) + " and cannot be extended");
   });
-  store_->barrier();
   return job(id);
 }
 
@@ -130,6 +135,7 @@ v1::WatchJobResponse Coordinator::watch(const std::string& id, int64_t after_eve
     const std::lock_guard lock(mutex_);
     *response.mutable_job() = view(id, false);
   }
+  store_->flush();
   if (response.job().last_event() > after_event) {
     for (const JobEvent& event : store_->read([id, after_event](StoreSession& session) { return session.events(id, after_event, 1000); }))
       *response.add_events() = to_wire(event);

@@ -128,8 +128,16 @@ void Store::write(std::function<void(StoreSession&)> work, std::function<void()>
   {
     const std::lock_guard lock(mutex_);
     queue_.push_back({std::move(work), std::move(done)});
+    ++queued_;
   }
   wake_.notify_one();
+}
+
+void Store::flush() {
+  std::unique_lock lock(mutex_);
+  const uint64_t target = queued_;
+  flushed_.wait(lock, [&] { return durable_ >= target || failed_; });
+  if (durable_ < target) throw std::runtime_error("the database failed");
 }
 
 size_t Store::backlog() const {
@@ -150,7 +158,17 @@ void Store::run() {
     }
     try {
       write_batch(batch);
+      {
+        const std::lock_guard lock(mutex_);
+        durable_ += batch.size();
+      }
+      flushed_.notify_all();
     } catch (const std::exception& error) {
+      {
+        const std::lock_guard lock(mutex_);
+        failed_ = true;
+      }
+      flushed_.notify_all();
       // What was acknowledged is durable, what was not is repeated by those who asked: the only safe answer is none.
       options_.on_fatal(std::string("the database failed: ") + error.what());
       return;

@@ -88,7 +88,10 @@ class Store {
           [result, promise] { promise->set_value(std::move(**result)); });
     return future.get();
   }
-  /// Waits until everything queued before is durable.
+  /// Waits until everything queued before is durable, without giving the disk more to do. Throws std::runtime_error when the
+  /// database has failed. Not for the store's own thread, nor under a lock that a callback takes.
+  void flush();
+  /// The same as an operation of its own.
   void barrier() {
     read([](StoreSession&) { return true; });
   }
@@ -109,8 +112,11 @@ class Store {
 
   mutable std::mutex mutex_;
   std::condition_variable wake_;
-  std::deque<Operation> queue_;  // guarded by mutex_
-  bool stopping_ = false;        // guarded by mutex_
+  std::condition_variable flushed_;
+  // Guarded by mutex_:
+  std::deque<Operation> queue_;
+  uint64_t queued_ = 0, durable_ = 0;  ///< operations since the start
+  bool stopping_ = false, failed_ = false;
   std::thread thread_;
 };
 

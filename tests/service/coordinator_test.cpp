@@ -1,5 +1,7 @@
 // The whole coordinator in this process, over its own port where the wire matters.
 #include <gtest/gtest.h>
+#include <soci/soci.h>
+#include <soci/sqlite3/soci-sqlite3.h>
 
 #include <cstdio>
 
@@ -73,6 +75,44 @@ TEST(Coordinator, F03F04ARestartAtAnyCommitEndsWithTheSameImageAndRendersNothing
     ASSERT_LT(limit, 10);
   }
   EXPECT_EQ(world.wait_until_ended(id).state(), v1::JOB_STATE_DONE);
+  EXPECT_TRUE(image_of(world, id) == whole_frame(world, 8));
+}
+
+TEST(Coordinator, AFinalStateIsShownOnlyOnceItsRowIsDurable) {
+  const TemporaryFolder folder;
+  std::unique_ptr<soci::session> reader;
+  std::atomic<bool> blocked{false};
+  CoordinatorWorld world(folder.path, [&](CoordinatorOptions& options) {
+    options.failpoint = [&](const char* point) {
+      if (std::string_view(point) != "after-publish") return;
+      // SQLite commits nothing while another connection reads.
+      reader = std::make_unique<soci::session>(soci::sqlite3, "db=" + folder.path + "/woodcock.sqlite");
+      int frames = 0;
+      *reader << "begin";
+      *reader << "select count(*) from frames", soci::into(frames);
+      blocked = true;
+    };
+  });
+  const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
+  EXPECT_EQ(world.work("w1", 4), 4);
+  for (int i = 0; i < 500 && !blocked; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  ASSERT_TRUE(blocked) << "the fault did not fire";
+  const auto until_done = [&](auto ask) {
+    return std::async(std::launch::async, [&world, ask] {
+      while (ask() != v1::JOB_STATE_DONE) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    });
+  };
+  std::vector<std::future<void>> seen;
+  seen.push_back(until_done([&] { return world.coordinator->job(id).state(); }));
+  seen.push_back(until_done([&] { return world.coordinator->list(0, "").jobs(0).state(); }));
+  seen.push_back(until_done([&] {
+    bool finished = false;
+    return world.coordinator->watch(id, 0, finished).job().state();
+  }));
+  EXPECT_EQ(seen[0].wait_for(std::chrono::milliseconds(500)), std::future_status::timeout) << "told before it was durable";
+  for (const auto& one : seen) EXPECT_EQ(one.wait_for(std::chrono::milliseconds(0)), std::future_status::timeout);
+  reader.reset();
+  for (auto& one : seen) one.get();
   EXPECT_TRUE(image_of(world, id) == whole_frame(world, 8));
 }
 

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <future>
 #include <memory>
 #include <stdexcept>
@@ -40,7 +41,10 @@ inline void put_blob(BlobStore& blobs, const std::string& bytes) {
 
 class CoordinatorWorld {
  public:
-  explicit CoordinatorWorld(const std::string& dir) : dir_(dir) { start(); }
+  explicit CoordinatorWorld(const std::string& dir, std::function<void(CoordinatorOptions&)> adjust = {})
+      : dir_(dir), adjust_(std::move(adjust)) {
+    start();
+  }
 
   void start() {
     CoordinatorOptions options;
@@ -52,6 +56,7 @@ class CoordinatorWorld {
       abort();
     };
     options.min_free_bytes = 1;
+    if (adjust_) adjust_(options);
     coordinator = std::make_unique<Coordinator>(options);
   }
   void stop() { coordinator.reset(); }
@@ -183,6 +188,7 @@ class CoordinatorWorld {
 
  private:
   std::string dir_;
+  std::function<void(CoordinatorOptions&)> adjust_;
 };
 
 }  // namespace woodcock::coordinator
