@@ -302,6 +302,37 @@ TEST(Scheduler, F24PauseStopsNewLeasesCancelEndsThemAndALateResultChangesNothing
   EXPECT_EQ(world.scheduler.find("j1")->row.state, JobState::Cancelled);
 }
 
+TEST(Scheduler, AJobCancelledWhileItsLastTaskCommitsEndsInOneFinalState) {
+  for (const bool while_merging : {false, true}) {
+    SchedulerWorld world;
+    JobSpec spec = test_job("j1");
+    spec.frames[0].header = test_header(32, 32);
+    world.scheduler.add_job(spec);
+    const Grant grant = world.sync("w1").at(0);
+    ASSERT_EQ(world.scheduler.find("j1")->frames[0].tasks.size(), 1u);
+    const Offer offer{grant.lease_id, to_string(grant.task), grant.epoch, {grant.result_key, std::string(64, 'd'), 100, {}, {}}};
+    world.held["w1"].clear();
+    EXPECT_EQ(world.scheduler.offer(offer, "w1", true, world.now).status, OfferStatus::Pending);
+    for (int i = 0; while_merging && i < 2; ++i) world.settle();  // the commit, then what follows from it
+    world.events.clear();
+    EXPECT_TRUE(world.scheduler.cancel("j1"));
+    world.settle();  // without `while_merging` the commit is durable only now
+    world.scheduler.frame_assembled("j1", 0, std::string(64, 'e'), 1, {});
+    world.scheduler.tick(world.now);
+    world.settle();
+    const Job& job = *world.scheduler.find("j1");
+    EXPECT_EQ(job.row.state, JobState::Cancelled);
+    EXPECT_EQ(job.frames[0].row.state, FrameState::Cancelled);
+    EXPECT_EQ(job.frames[0].row.image_digest, "");
+    EXPECT_EQ(job.frames[0].done, 1) << "the result stays for later jobs";
+    EXPECT_EQ(world.events[EventKind::StateChanged], 1);
+    EXPECT_EQ(world.events[EventKind::FrameDone], 0);
+    EXPECT_EQ(world.scheduler.live_leases(), 0u);
+    EXPECT_EQ(world.scheduler.offer(offer, "w1", true, world.now).status, OfferStatus::AlreadyCommitted);
+    EXPECT_FALSE(world.scheduler.cancel("j1"));
+  }
+}
+
 TEST(Scheduler, WhatWentWrongIsSummedOverTheResultsOfAFrame) {
   SchedulerWorld world;
   world.scheduler.add_job(test_job("j1"));
