@@ -52,10 +52,23 @@ class Service : public ServiceTest {};
 TEST_F(Service, ExtendRendersOnlyTheDifferenceAndGivesTheSameFile) {
   start_coordinator();
   start_worker();
-  const std::string job = submit(kQuick);
+  // Of each attempt the worker keeps a log named "TASK-EPOCH.log".
+  const auto attempts = [&](const std::string& job) {
+    int count = 0;
+    for (const auto& entry : fs::directory_iterator(folder_ / "worker0" / "logs"))
+      count += entry.path().filename().string().starts_with(job + ".");
+    return count;
+  };
+  const std::string job = submit(joined(kQuick, {"--tile", "16"}));
   ASSERT_EQ(watch(job), 0);
+  const int first = attempts(job);
+  EXPECT_EQ(first, 9) << "9 tiles of 16 pixels, samples [0, 8)";
   ASSERT_EQ(woodcock({"extend", job, "--spp", "32"}).code, 0);
   ASSERT_EQ(watch(job), 0);
+  EXPECT_EQ(attempts(job) - first, 9 * 2) << "[8, 16) and [16, 32) of each tile, and nothing of before";
+  const nlohmann::json progress = show(job)["progress"];
+  EXPECT_EQ(progress["samples_done"], 48 * 48 * 32);
+  EXPECT_EQ(progress["tasks_done"], 27);
   ASSERT_EQ(woodcock({"fetch", job, "-o", path("image.exr")}).code, 0);
   EXPECT_TRUE(contents(path("image.exr")) == rendered({kCornell, "--spp", "32", "--resolution", "48x48"}));
 }
