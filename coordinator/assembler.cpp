@@ -4,6 +4,7 @@
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -95,7 +96,8 @@ AssembleResult assemble(const AssembleRequest& request) {
   return result;
 }
 
-AssembleResult assemble_in_child(const std::string& program, const std::string& temporary_dir, const AssembleRequest& request) {
+AssembleResult assemble_in_child(const std::string& program, const std::string& temporary_dir, const AssembleRequest& request,
+                                 const std::function<void()>& started) {
   static std::atomic<int> counter{0};
   AssembleResult result;
   const std::string spec_path = temporary_dir + "/assemble-" + std::to_string(++counter) + ".json";
@@ -104,7 +106,8 @@ AssembleResult assemble_in_child(const std::string& program, const std::string& 
     spec << nlohmann::json{{"header", header_json(request.header)},
                            {"samples", request.samples},
                            {"tiles", request.tile_paths},
-                           {"output", request.output_path}};
+                           {"output", request.output_path},
+                           {"parent", ::getpid()}};
     spec.close();
     if (!spec) {
       result.error = "cannot write " + spec_path;
@@ -132,6 +135,7 @@ AssembleResult assemble_in_child(const std::string& program, const std::string& 
   if (spawned != 0) {
     result.error = "cannot start " + program + ": " + std::strerror(spawned);
   } else {
+    started();
     const bool finished = read_all(pipe_fds[0], Clock::now() + kTimeLimit, output);
     if (!finished) ::kill(child, SIGKILL);
     int status = 0;
@@ -162,6 +166,9 @@ int assemble_main(const std::string& spec_path) {
   try {
     std::ifstream file(spec_path);
     const nlohmann::json spec = nlohmann::json::parse(file);
+    // A coordinator that was killed is started again and clears its temporary files: nothing may write there any more.
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (::getppid() != spec.at("parent").get<pid_t>()) return 1;
     v1::FrameHeader header;
     if (!google::protobuf::util::JsonStringToMessage(spec.at("header").get<std::string>(), &header).ok())
       throw std::runtime_error("malformed header");

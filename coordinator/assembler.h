@@ -33,7 +33,10 @@ AssembleResult assemble(const AssembleRequest& request);
 
 /// Runs `assemble` in a child: `program --assemble SPEC`, with bounded memory and time. `temporary_dir` holds the
 /// specification meanwhile. A child that crashes or takes too long is an error of the result.
-AssembleResult assemble_in_child(const std::string& program, const std::string& temporary_dir, const AssembleRequest& request);
+/// `started` is called when the child runs. The child ends with the thread that started it, and so with this process.
+AssembleResult assemble_in_child(
+    const std::string& program, const std::string& temporary_dir, const AssembleRequest& request,
+    const std::function<void()>& started = [] {});
 
 /// The child's main function: reads the specification, writes one JSON object to standard output. Returns the exit code.
 int assemble_main(const std::string& spec_path);

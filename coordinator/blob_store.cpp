@@ -169,17 +169,19 @@ bool BlobStore::Upload::finish(Time now) {
     ::unlink(path_.c_str());
     throw BlobError(BlobError::Kind::Damaged, "the content does not have the digest; the part was thrown away");
   }
-  store_.publish(path_, digest_, now);
+  store_.publish(path_, digest_, now, "upload-synced", "upload-renamed");
   return true;
 }
 
 /// temporary file → fsync → rename → fsync of the directory.
-void BlobStore::publish(const std::string& from, const std::string& digest, Time now) {
+void BlobStore::publish(const std::string& from, const std::string& digest, Time now, const char* synced, const char* renamed) {
   sync_path(from, O_RDONLY);
+  options_.failpoint(synced);
   const std::string to = path(digest), folder = options_.dir + "/blobs/" + digest.substr(0, 2);
   std::error_code error;
   if (fs::create_directory(folder, error)) sync_path(options_.dir + "/blobs", O_RDONLY | O_DIRECTORY);
   if (::rename(from.c_str(), to.c_str()) != 0) fail("renaming " + from, errno);
+  options_.failpoint(renamed);
   sync_path(folder, O_RDONLY | O_DIRECTORY);
   pin(digest, now);
 }
@@ -188,7 +190,7 @@ std::string BlobStore::adopt(const std::string& temporary_path, Time now) {
   Sha256 hash;
   hash_file(temporary_path, hash);
   const std::string digest = hash.hex();
-  publish(temporary_path, digest, now);
+  publish(temporary_path, digest, now, "image-synced", "image-renamed");
   return digest;
 }
 

@@ -12,6 +12,7 @@
 #include <string>
 #include <string_view>
 
+#include "coordinator/failpoint.h"
 #include "coordinator/model.h"
 
 namespace woodcock::coordinator {
@@ -31,6 +32,7 @@ struct BlobStoreOptions {
   std::string dir;                    ///< made if absent
   int64_t min_free_bytes = 64 << 20;  ///< below this nothing is accepted and leasing pauses
   Time pin = 3600 * kSecond;          ///< how long blobs without a reference are kept after they were asked for
+  Failpoint failpoint = [](const char*) {};
 };
 
 /// Safe to call from any thread. A blob that contains() names is complete, verified and durable.
@@ -94,7 +96,7 @@ class BlobStore {
 
  private:
   void check_room(int64_t bytes) const;
-  void publish(const std::string& from, const std::string& digest, Time now);
+  void publish(const std::string& from, const std::string& digest, Time now, const char* synced, const char* renamed);
 
   const BlobStoreOptions options_;
   mutable std::mutex mutex_;

@@ -25,7 +25,7 @@ int64_t unix_time_ms() {
 
 Coordinator::Coordinator(const CoordinatorOptions& options)
     : options_(options),
-      blobs_({options.dir, options.min_free_bytes, options.pin}, options.now()),
+      blobs_({options.dir, options.min_free_bytes, options.pin, options.failpoint}, options.now()),
       store_(std::make_unique<Store>(StoreOptions{options.dir, options.address, options.on_fatal})),
       address_(options.address) {
   SchedulerOptions scheduler = options.scheduler;
@@ -130,17 +130,20 @@ void Coordinator::carry_out(const Action& any) {
                                        .tasks[static_cast<size_t>(commit.task.number)]
                                        .parent;
             auto won = std::make_shared<bool>(false);
-            store_->write([commit, parent, won](StoreSession& session) { *won = session.commit_task(commit.task, parent, commit.result); },
-                          [this, commit, won] {
-                            // One leader writes: a task that is open here has no row there, unless the two have parted.
-                            if (!*won)
-                              options_.on_fatal("task " + to_string(commit.task) + " is settled in the database and open in memory");
-                            options_.failpoint("after-commit");
-                            locked([&] {
-                              scheduler_->committed(commit, options_.now());
-                              ++changes_;
-                            });
-                          });
+            store_->write(
+                [this, commit, parent, won](StoreSession& session) {
+                  *won = session.commit_task(commit.task, parent, commit.result);
+                  options_.failpoint("in-commit");
+                },
+                [this, commit, won] {
+                  // One leader writes: a task that is open here has no row there, unless the two have parted.
+                  if (!*won) options_.on_fatal("task " + to_string(commit.task) + " is settled in the database and open in memory");
+                  options_.failpoint("after-commit");
+                  locked([&] {
+                    scheduler_->committed(commit, options_.now());
+                    ++changes_;
+                  });
+                });
           },
           [&](const action::SplitTask& split) {
             changed();
@@ -179,9 +182,10 @@ void Coordinator::carry_out(const Action& any) {
                 [id = save.job, row = job.row, rounds = job.spec.rounds](StoreSession& session) { session.save_job(id, row, rounds); });
           },
           [&](const action::SaveFrame& save) {
-            store_->write([save, row = must_find(save.job).frames[static_cast<size_t>(save.frame)].row](StoreSession& session) {
-              session.save_frame(save.job, save.frame, row);
-            });
+            const FrameRow& row = must_find(save.job).frames[static_cast<size_t>(save.frame)].row;
+            std::function<void()> done;
+            if (has_ended(row.state)) done = [this] { options_.failpoint("after-frame-row"); };
+            store_->write([save, row](StoreSession& session) { session.save_frame(save.job, save.frame, row); }, std::move(done));
           },
           [&](const action::LogEvent& log) {
             JobEvent event = log.event;

@@ -17,6 +17,7 @@
 
 #include "coordinator/assembler.h"
 #include "coordinator/blob_store.h"
+#include "coordinator/failpoint.h"
 #include "coordinator/scheduler.h"
 #include "coordinator/store.h"
 #include "woodcock/v1/jobs_service.pb.h"
@@ -37,8 +38,7 @@ struct CoordinatorOptions {
   std::function<Time()> now;                                ///< boot-time clock
   std::function<int64_t()> unix_ms;                         ///< wall clock, for people only
   std::function<void(const std::string& reason)> on_fatal;  ///< must not return
-  /// Called with a name at the points where a crash is interesting; tests crash there.
-  std::function<void(const char* point)> failpoint = [](const char*) {};
+  Failpoint failpoint = [](const char*) {};
 };
 
 /// CLOCK_BOOTTIME, in nanoseconds.
@@ -56,7 +56,7 @@ class Coordinator {
   Time now() const { return options_.now(); }
   void set_address(const std::string& address);
 
-  // What JobsService offers. They block until the change is durable and throw RpcError.
+  // What JobsService offers. They block until all that the answer tells is durable, and throw RpcError.
   v1::SubmitJobResponse submit(const v1::SubmitJobRequest& request);
   v1::Job job(const std::string& id);
   v1::ListJobsResponse list(int page_size, const std::string& page_token);

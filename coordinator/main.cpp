@@ -63,7 +63,7 @@ int main(int argc, char** argv) {
 
   CLI::App app("Splits frames into tasks, leases them to workers, merges the results.");
   CoordinatorOptions options;
-  std::string listen = rpc::kDefaultAddress, assemble_spec;
+  std::string listen = rpc::kDefaultAddress, assemble_spec, test_hook;
   int64_t lease_seconds = 30, grace_seconds = 10, min_free_mib = 64, pin_seconds = 3600;
   app.add_option("--dir", options.dir, "Folder of the database and the blobs");
   app.add_option("--listen", listen, "HOST:PORT; port 0 takes any free one. Not encrypted: keep to loopback or a private network")
@@ -76,10 +76,16 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--min-free", min_free_mib, "MiB of the disk that are kept free")->check(CLI::Range(1, 1 << 20))->capture_default_str();
   app.add_option("--pin", pin_seconds, "Seconds for which unused files are kept")->check(CLI::Range(1, 1 << 30))->capture_default_str();
+  app.add_option("--test-hook", test_hook, "POINT@N: end as by SIGKILL the N-th time it passes a point that coordinator/failpoint.h names")
+      ->group("For tests of fault handling only");
   app.add_option("--assemble", assemble_spec, "Merge the tiles that a specification lists, and end (used by the coordinator itself)")
       ->group("");
   try {
     app.parse(argc, argv);
+    if (!test_hook.empty()) options.failpoint = kill_at(test_hook);
+  } catch (const std::invalid_argument& error) {
+    std::cerr << "woodcock-coordinator: " << error.what() << "\n";
+    return 2;
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
@@ -98,8 +104,9 @@ int main(int argc, char** argv) {
   options.unix_ms = unix_time_ms;
   options.on_fatal = die;
   const std::string program = std::filesystem::read_symlink("/proc/self/exe");
-  options.assemble_tiles = [program, temporary = options.dir + "/temporary"](const AssembleRequest& request) {
-    return assemble_in_child(program, temporary, request);
+  options.assemble_tiles = [program, temporary = options.dir + "/temporary",
+                            failpoint = options.failpoint](const AssembleRequest& request) {
+    return assemble_in_child(program, temporary, request, [&] { failpoint("during-merge"); });
   };
   try {
     return serve(options, listen);

@@ -112,14 +112,14 @@ ServiceTest::~ServiceTest() {
   fs::remove_all(folder_);
 }
 
-void ServiceTest::start_coordinator(int lease_seconds, int port) {
+void ServiceTest::start_coordinator(int lease_seconds, int port, const std::vector<std::string>& more) {
   const fs::path dir = folder_ / "coordinator";
   fs::create_directories(dir);
   fs::remove(dir / "address");
-  coordinator_ = std::make_unique<Program>("woodcock-coordinator",
-                                           std::vector<std::string>{"--dir", dir, "--listen", "127.0.0.1:" + std::to_string(port),
-                                                                    "--lease", std::to_string(lease_seconds), "--grace", "1"},
-                                           folder_ / ("coordinator" + std::to_string(++runs_)));
+  std::vector<std::string> arguments{
+      "--dir", dir, "--listen", "127.0.0.1:" + std::to_string(port), "--lease", std::to_string(lease_seconds), "--grace", "1"};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  coordinator_ = std::make_unique<Program>("woodcock-coordinator", arguments, folder_ / ("coordinator" + std::to_string(++runs_)));
   ASSERT_TRUE(eventually(kPatience, [&] { return fs::exists(dir / "address") || !coordinator_->running(); }));
   ASSERT_TRUE(coordinator_->running()) << coordinator_->err();
   address_ = contents(dir / "address");
@@ -184,6 +184,19 @@ void ServiceTest::wait_until_mid_job(const std::string& job) {
     return now["progress"]["tasks_done"].get<int>() >= 1;
   })) << now.dump(2);
   ASSERT_LT(now["progress"]["tasks_done"].get<int>(), now["progress"]["tasks_total"].get<int>()) << "the job was too short for the fault";
+}
+
+void ServiceTest::expect_no_leftovers() const {
+  const fs::path dir = folder_ / "coordinator";
+  for (const char* name : {"temporary", "uploads"}) {
+    ASSERT_TRUE(fs::is_directory(dir / name));
+    for (const auto& entry : fs::directory_iterator(dir / name)) ADD_FAILURE() << entry.path() << " was left behind";
+  }
+  for (const auto& entry : fs::recursive_directory_iterator(dir / "blobs")) {
+    const std::string name = entry.path().filename();
+    EXPECT_TRUE(entry.is_directory() || (name.size() == 64 && name.find_first_not_of("0123456789abcdef") == std::string::npos))
+        << entry.path();
+  }
 }
 
 int ServiceTest::watch(const std::string& job) { return woodcock({"watch", job}).code; }

@@ -60,7 +60,7 @@ class ServiceTest : public ::testing::Test {
   ~ServiceTest() override;
 
   /// Leases are short, so that faults are noticed within seconds. Port 0 takes a free one.
-  void start_coordinator(int lease_seconds = 3, int port = 0);
+  void start_coordinator(int lease_seconds = 3, int port = 0, const std::vector<std::string>& more = {});
   /// Kills the coordinator and starts it again on the same folder and port.
   void kill_coordinator();
   void restart_coordinator(int lease_seconds = 3);
@@ -75,6 +75,8 @@ class ServiceTest : public ::testing::Test {
   nlohmann::json show(const std::string& job);
   /// Waits until the job has begun to commit tasks and has not ended.
   void wait_until_mid_job(const std::string& job);
+  /// Nothing unfinished lies in the coordinator's folder.
+  void expect_no_leftovers() const;
   /// Watches the job to its end; the exit code.
   int watch(const std::string& job);
 

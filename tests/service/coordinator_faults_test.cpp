@@ -1,0 +1,71 @@
+// The coordinator ends at the worst moments, by SIGKILL at each of its failpoints and by SIGTERM, and starts again on the same
+// folder. The image must be, byte by byte, the one that an undisturbed `woodcock render` makes.
+#include <signal.h>
+
+#include "tests/service/service_fixture.h"
+
+namespace woodcock::testing_service {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+const std::string kSphere = std::string(WOODCOCK_SOURCE_DIR) + "/scenes/sphere.pbrt";
+const std::string kCornell = std::string(WOODCOCK_SOURCE_DIR) + "/scenes/cornell.pbrt";
+
+/// "POINT@N" with what N counts; `failpoint.h` says where each lies.
+class CoordinatorKilledAt : public ServiceTest, public ::testing::WithParamInterface<const char*> {};
+
+TEST_P(CoordinatorKilledAt, F03F04TheImageIsTheSameAndNothingIsLeftBehind) {
+  start_coordinator(3, 0, {"--test-hook", GetParam()});
+  start_worker();
+  const std::vector<std::string> scene{kSphere, "--spp", "8", "--resolution", "48x48"};
+  const std::string job = submit({kSphere, "--spp", "8", "--resolution", "48x48", "--tile", "16"});
+  ASSERT_EQ(coordinator_->wait(kPatience), 128 + SIGKILL) << "the failpoint did not fire";
+  ASSERT_THAT(coordinator_->err(), HasSubstr("test hook: killed at"));
+  restart_coordinator();
+  ASSERT_EQ(watch(job), 0) << show(job).dump(2);
+  const nlohmann::json progress = show(job)["progress"];
+  EXPECT_EQ(progress["tasks_done"], 9);
+  EXPECT_EQ(progress["tasks_total"], 9);
+  EXPECT_EQ(progress["samples_done"], 48 * 48 * 8) << "each sample counts once";
+  ASSERT_EQ(woodcock({"fetch", job, "-o", path("image.exr")}).code, 0);
+  EXPECT_TRUE(contents(path("image.exr")) == rendered(scene));
+  expect_no_leftovers();
+}
+
+// Uploads 1 and 2 are the scene and its manifest; the job has 9 results and one image.
+INSTANTIATE_TEST_SUITE_P(Service, CoordinatorKilledAt,
+                         ::testing::Values("upload-synced@4", "upload-renamed@4", "in-commit@3", "after-commit@1", "after-commit@9",
+                                           "before-merge@1", "during-merge@1", "after-merge@1", "image-synced@1", "image-renamed@1",
+                                           "after-publish@1", "after-frame-row@1"));
+
+class CoordinatorStops : public ServiceTest {};
+
+TEST_F(CoordinatorStops, BySigtermWithCodeZeroAndTheJobGoesOnAfterwards) {
+  start_coordinator();
+  start_worker();
+  const std::vector<std::string> scene{kCornell, "--spp", "128", "--resolution", "64x64"};
+  const std::string job = submit({kCornell, "--spp", "128", "--resolution", "64x64", "--tile", "16"});
+  wait_until_mid_job(job);
+  coordinator_->signal(SIGTERM);
+  EXPECT_EQ(coordinator_->wait(std::chrono::seconds(30)), 0) << coordinator_->err();
+  EXPECT_TRUE(fs::is_empty(folder_ / "coordinator" / "temporary"));
+  EXPECT_FALSE(fs::exists(folder_ / "coordinator" / "address"));
+  restart_coordinator();
+  ASSERT_EQ(watch(job), 0) << show(job).dump(2);
+  ASSERT_EQ(woodcock({"fetch", job, "-o", path("image.exr")}).code, 0);
+  EXPECT_TRUE(contents(path("image.exr")) == rendered(scene));
+  expect_no_leftovers();
+}
+
+TEST_F(CoordinatorStops, AtOnceWhenTheHookIsNoFailpoint) {
+  for (const char* hook : {"nowhere@1", "after-commit", "after-commit@0", "after-commit@x", "@1"}) {
+    Program program("woodcock-coordinator", {"--dir", path("c"), "--test-hook", hook}, folder_ / "wrong");
+    EXPECT_EQ(program.wait(kPatience), 2) << hook;
+    EXPECT_THAT(program.err(), HasSubstr("after-frame-row")) << hook;
+  }
+}
+
+}  // namespace
+}  // namespace woodcock::testing_service
