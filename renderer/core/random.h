@@ -17,14 +17,14 @@ enum class Purpose : uint32_t {
   kPixelFilter = 0,
   kLens = 1,
   kTime = 2,
-  kFreeFlight = 3,      ///< distances and collision types in media; goes on across interfaces
+  kFreeFlight = 3,  ///< distances and collision types in media; goes on across interfaces
   kLightChoice = 4,
   kLightSample = 5,
-  kTransmittance = 6,   ///< ratio tracking of shadow rays
-  kDirection = 7,       ///< BSDF and phase-function sampling
+  kTransmittance = 6,  ///< ratio tracking of shadow rays
+  kDirection = 7,      ///< BSDF and phase-function sampling
   kRoulette = 8,
-  kMaterial = 9,        ///< mix materials and stochastic opacity
-  kLayered = 10,        ///< random walks inside layered materials
+  kMaterial = 9,  ///< mix materials and stochastic opacity
+  kLayered = 10,  ///< random walks inside layered materials
   kHeroChannel = 11,
   kEquiangular = 12,
   kEmission = 13,
@@ -39,9 +39,7 @@ inline uint64_t mix64(uint64_t z) {
 }
 
 /// Folds `value` into the hash `h`; the order of the folded values matters.
-inline uint64_t hash_combine(uint64_t h, uint64_t value) {
-  return mix64(h ^ (value + 0x9e3779b97f4a7c15ULL + (h << 6) + (h >> 2)));
-}
+inline uint64_t hash_combine(uint64_t h, uint64_t value) { return mix64(h ^ (value + 0x9e3779b97f4a7c15ULL + (h << 6) + (h >> 2))); }
 
 /// The seed of one frame of a job: hash(job seed, frame number).
 inline uint64_t frame_seed(uint64_t seed, uint64_t frame) { return hash_combine(hash_combine(0x576f6f64636f636bULL, seed), frame); }
