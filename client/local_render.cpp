@@ -7,31 +7,13 @@
 #include <mutex>
 #include <thread>
 
+#include "renderer/film/split.h"
+
 namespace woodcock {
 namespace {
 
 /// Samples of one pass: short enough that an interrupted render loses little, long enough that passes cost nothing.
 constexpr int64_t kPassSamples = 32;
-
-std::vector<SampleRange> passes_of(SampleRange samples) {
-  std::vector<SampleRange> passes;
-  for (const SampleRange node : dyadic_nodes(samples)) {
-    const int64_t size = std::min(node.size(), kPassSamples);
-    for (int64_t begin = node.begin; begin < node.end; begin += size) passes.push_back({begin, begin + size});
-  }
-  return passes;
-}
-
-/// Tiles of a fixed grid with its origin at the full image's corner, clipped to `bounds`.
-std::vector<PixelRect> grid_tiles(PixelRect bounds, int edge) {
-  std::vector<PixelRect> tiles;
-  for (int y = bounds.y0 / edge * edge; y < bounds.y1; y += edge) {
-    for (int x = bounds.x0 / edge * edge; x < bounds.x1; x += edge) {
-      tiles.push_back({std::max(x, bounds.x0), std::max(y, bounds.y0), std::min(x + edge, bounds.x1), std::min(y + edge, bounds.y1)});
-    }
-  }
-  return tiles;
-}
 
 /// Puts the next node behind the others: siblings become their parent.
 void push_node(std::vector<Tile>& nodes, Tile node) {
@@ -52,12 +34,12 @@ void push_node(std::vector<Tile>& nodes, Tile node) {
 LocalRender render_locally(const FrameRenderer& frame, SampleRange samples, std::vector<Tile> earlier, int tile_size, int threads,
                            RenderProgress& progress, const std::atomic<bool>& stop, const std::function<void()>& tick) {
   const PixelRect bounds = frame.header().bounds;
-  const std::vector<PixelRect> tiles = grid_tiles(bounds, tile_size);
+  const std::vector<PixelRect> tiles = tile_grid(bounds, tile_size);
   LocalRender result;
   result.nodes = std::move(earlier);
   result.samples = {result.nodes.empty() ? samples.begin : result.nodes.front().range.begin, samples.begin};
 
-  for (const SampleRange pass : passes_of(samples)) {
+  for (const SampleRange pass : bounded_nodes(samples, kPassSamples)) {
     Tile whole{bounds, pass, std::vector<PixelStats>(static_cast<size_t>(bounds.area()))};
     std::atomic<size_t> next{0};
     std::mutex mutex;

@@ -112,7 +112,6 @@ int run(const RenderOptions& options) {
   write_exr(output, frame.header(), result.nodes);
   const fs::path png = fs::path(output).replace_extension(".png");
   write_png(output, png);
-  const std::string digest = digest_of_pixels(frame.header(), result.nodes);
 
   const FrameHeader& header = frame.header();
   const ErrorEstimate error = estimate_error(output);
@@ -128,7 +127,7 @@ int run(const RenderOptions& options) {
                      {"threads", threads},
                      {"load_seconds", load_seconds},
                      {"render_seconds", render_seconds},
-                     {"pixel_digest", digest},
+                     {"pixel_digest", digest_of_pixels(header, result.nodes)},
                      {"error", accuracy},
                      {"counters", counters_json(progress.counters)}};
     fmt::print("{}\n", j.dump(2));

@@ -2,30 +2,14 @@
 
 #include <algorithm>
 
+#include "renderer/film/split.h"
+
 namespace woodcock::coordinator {
-
-std::vector<PixelRect> tile_grid(PixelRect bounds, int tile_size) {
-  std::vector<PixelRect> tiles;
-  for (int y = bounds.y0 / tile_size * tile_size; y < bounds.y1; y += tile_size)
-    for (int x = bounds.x0 / tile_size * tile_size; x < bounds.x1; x += tile_size)
-      tiles.push_back(
-          {std::max(x, bounds.x0), std::max(y, bounds.y0), std::min(x + tile_size, bounds.x1), std::min(y + tile_size, bounds.y1)});
-  return tiles;
-}
-
-std::vector<SampleRange> task_ranges(SampleRange range, int64_t max_length) {
-  std::vector<SampleRange> ranges;
-  for (const SampleRange node : dyadic_nodes(range)) {
-    const int64_t step = std::min(node.size(), max_length);
-    for (int64_t begin = node.begin; begin < node.end; begin += step) ranges.push_back({begin, begin + step});
-  }
-  return ranges;
-}
 
 std::vector<TaskArea> task_list(PixelRect bounds, int tile_size, SampleRange range, int64_t max_length) {
   const std::vector<PixelRect> tiles = tile_grid(bounds, tile_size);
   std::vector<TaskArea> tasks;
-  for (const SampleRange part : task_ranges(range, max_length))
+  for (const SampleRange part : bounded_nodes(range, max_length))
     for (const PixelRect tile : tiles) tasks.push_back({tile, part});
   return tasks;
 }

@@ -11,13 +11,7 @@ namespace woodcock::coordinator {
 inline constexpr int kMinTileEdge = 4;         ///< pixels: a failing tile is not quartered further
 inline constexpr int64_t kMinRangeLength = 8;  ///< samples: a failing range is not halved further
 
-/// The tiles of `bounds` on the grid of squares of `tile_size` whose origin is pixel 0,0, row by row.
-std::vector<PixelRect> tile_grid(PixelRect bounds, int tile_size);
-
-/// The maximal dyadic nodes of `range`, those longer than `max_length` (a power of two) cut into nodes of this length.
-std::vector<SampleRange> task_ranges(SampleRange range, int64_t max_length);
-
-/// tile_grid × task_ranges: all tiles of the first range, then of the next, so that the image is there early.
+/// tile_grid × bounded_nodes (renderer/film/split.h): all tiles of the first range, then of the next, so that the image is there early.
 std::vector<TaskArea> task_list(PixelRect bounds, int tile_size, SampleRange range, int64_t max_length);
 
 /// The number of tasks of `task_list` without making it.

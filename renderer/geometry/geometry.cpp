@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "renderer/core/frame.h"
+#include "renderer/core/transform.h"
 #include "renderer/geometry/patch.h"
 #include "renderer/geometry/quadric.h"
 
@@ -32,11 +33,6 @@ void check_device(const char* what) {
                              (error == RTC_ERROR_OUT_OF_MEMORY ? ": out of memory)" : ")"));
   }
 }
-
-DVec3 transform_point(const DMat4& m, DVec3 p) { return DVec3(m * glm::dvec4(p, 1)); }
-DVec3 transform_vector(const DMat4& m, DVec3 v) { return DVec3(m * glm::dvec4(v, 0)); }
-/// n is a covector: it goes by the inverse transpose.
-DVec3 transform_normal(const DMat4& inverse, DVec3 n) { return DVec3(glm::transpose(inverse) * glm::dvec4(n, 0)); }
 
 /// Half a unit in the last place of each coordinate, and a little.
 Vec3 rounding_error(Vec3 p) { return glm::abs(p) * 0x1.1p-24f; }

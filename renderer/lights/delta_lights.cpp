@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <numbers>
 
+#include "renderer/core/transform.h"
 #include "renderer/scene/scene_error.h"
 
 namespace woodcock {
 namespace {
-
-DVec3 transform_point(const DMat4& m, DVec3 p) { return DVec3(m * glm::dvec4(p, 1)); }
 
 /// A sample of light of intensity `intensity` at `position`; the distance is taken in double, since a light close
 /// by or far from the origin leaves few digits of it in float.

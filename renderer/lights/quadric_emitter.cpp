@@ -1,14 +1,13 @@
 #include <algorithm>
 #include <numbers>
 
+#include "renderer/core/transform.h"
 #include "renderer/lights/emitter.h"
 
 namespace woodcock {
 namespace {
 
 constexpr double kTwoPi = 2 * std::numbers::pi;
-
-DVec3 transform_point(const DMat4& m, DVec3 p) { return DVec3(m * glm::dvec4(p, 1)); }
 
 glm::dmat3 cofactor(const glm::dmat3& m) { return glm::dmat3(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1])); }
 

@@ -9,9 +9,6 @@
 namespace woodcock {
 namespace {
 
-/// More boundaries than this without a scattering mean a defect of the scene (a stack of coincident shells).
-constexpr int kMaxCrossings = 10000;
-
 /// The power heuristic for two strategies (Veach 1997, section 9.2.4), written as a ratio so that large pdfs do not
 /// overflow.
 float mis_weight(float pdf, float other) {

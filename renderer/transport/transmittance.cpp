@@ -7,9 +7,6 @@
 namespace woodcock {
 namespace {
 
-/// More boundaries than this in one segment mean a defect of the scene (a stack of coincident shells).
-constexpr int kMaxCrossings = 10000;
-
 /// A hit on the target's own primitive this close to the sampled point is the sampled point; in parts of the whole way,
 /// since behind a boundary next to the target next to nothing of it is left.
 constexpr double kTargetTolerance = 1e-3;

@@ -7,6 +7,9 @@
 
 namespace woodcock {
 
+/// More boundaries than this without a scattering mean a defect of the scene (a stack of coincident shells).
+inline constexpr int kMaxCrossings = 10000;
+
 /// exp(−σ·t) per channel with exp(−0·∞) = 1: a distant light through an unbounded medium arrives only in the
 /// channels without extinction.
 Rgb attenuation(Rgb sigma, double t);

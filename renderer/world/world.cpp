@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "renderer/core/transform.h"
 #include "renderer/scene/scene_error.h"
 #include "renderer/world/compile_shapes.h"
 
@@ -18,8 +19,6 @@ struct DBox {
   }
   bool empty() const { return !(lower.x <= upper.x); }
 };
-
-DVec3 transform_point(const DMat4& m, DVec3 p) { return DVec3(m * glm::dvec4(p, 1)); }
 
 /// Bounds of a shape in the space that `m` leads to, from the corners of its object-space box.
 void add_bounds(const ShapeDescription& shape, const DMat4& m, DBox& box) {

@@ -1,0 +1,25 @@
+#include "renderer/film/split.h"
+
+#include <algorithm>
+
+namespace woodcock {
+
+std::vector<PixelRect> tile_grid(PixelRect bounds, int tile_size) {
+  std::vector<PixelRect> tiles;
+  for (int y = bounds.y0 / tile_size * tile_size; y < bounds.y1; y += tile_size)
+    for (int x = bounds.x0 / tile_size * tile_size; x < bounds.x1; x += tile_size)
+      tiles.push_back(
+          {std::max(x, bounds.x0), std::max(y, bounds.y0), std::min(x + tile_size, bounds.x1), std::min(y + tile_size, bounds.y1)});
+  return tiles;
+}
+
+std::vector<SampleRange> bounded_nodes(SampleRange range, int64_t max_length) {
+  std::vector<SampleRange> ranges;
+  for (const SampleRange node : dyadic_nodes(range)) {
+    const int64_t step = std::min(node.size(), max_length);
+    for (int64_t begin = node.begin; begin < node.end; begin += step) ranges.push_back({begin, begin + step});
+  }
+  return ranges;
+}
+
+}  // namespace woodcock

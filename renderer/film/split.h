@@ -1,0 +1,17 @@
+// How a frame is cut into parts that can be rendered apart: by a local render and by the coordinator alike.
+#pragma once
+
+#include <vector>
+
+#include "renderer/film/dyadic.h"
+#include "renderer/film/tile.h"
+
+namespace woodcock {
+
+/// The tiles of `bounds` on the grid of squares of `tile_size` pixels whose origin is pixel 0,0, row by row.
+std::vector<PixelRect> tile_grid(PixelRect bounds, int tile_size);
+
+/// The maximal dyadic nodes of `range`, those longer than `max_length` (a power of two) cut into nodes of this length.
+std::vector<SampleRange> bounded_nodes(SampleRange range, int64_t max_length);
+
+}  // namespace woodcock
