@@ -93,17 +93,17 @@ struct Medium::Builder {
   void set_unit(Rgb sigma_a, Rgb sigma_s, float g) {
     checks.coefficient(sigma_a, "sigma_a");
     checks.coefficient(sigma_s, "sigma_s");
-    medium.unit_ = {sigma_a * inverse_scale, sigma_s * inverse_scale, Rgb(0)};
-    medium.unit_sigma_t_ = medium.unit_.sigma_t();
+    medium.unit_sigma_a_ = sigma_a * inverse_scale;
+    medium.unit_ = {medium.unit_sigma_a_ + sigma_s * inverse_scale, sigma_s * inverse_scale, Rgb(0)};
     medium.phase_.g = checks.mean_cosine(g);
-    medium.grey_ = has_equal_channels(medium.unit_sigma_t_);
+    medium.grey_ = has_equal_channels(medium.unit_.sigma_t);
   }
 
   void operator()(const HomogeneousDescription& d) {
     set_unit(d.sigma_a, d.sigma_s, d.g);
     checks.coefficient(d.emission, "Le");
-    medium.unit_.emission = medium.unit_.sigma_a * d.emission;
-    medium.maximum_sigma_t_ = max_component(medium.unit_sigma_t_);
+    medium.unit_.emission = medium.unit_sigma_a_ * d.emission;
+    medium.maximum_sigma_t_ = max_component(medium.unit_.sigma_t);
     medium.scatters_ = !is_black(medium.unit_.sigma_s);
     medium.emits_ = !is_black(medium.unit_.emission);
   }
@@ -166,7 +166,7 @@ struct Medium::Builder {
     e.radiance = d.emission;
     e.scale = d.emission_scale;
     if (!(e.scale >= 0) || !std::isfinite(e.scale)) checks.fail(fmt::format("Lescale is {}; it must be finite and not negative", e.scale));
-    if (!medium.attenuates() || is_black(medium.unit_.sigma_a) || is_black(e.radiance) || e.scale == 0) return;
+    if (!medium.attenuates() || is_black(medium.unit_sigma_a_) || is_black(e.radiance) || e.scale == 0) return;
     if (d.temperature) {
       e.temperature_scale = d.temperature_scale;
       e.temperature_offset = d.temperature_offset;
@@ -204,7 +204,7 @@ struct Medium::Builder {
   void bound(const DenseGrid<float>& values, const BrickField<float>& density) {
     MajorantGrid grid(values.size, density.box(), density.map(), kFinestEdge);
     for_each_voxel(values.size, [&](IVec3 v) { grid.add_voxel(v, values.at(v.x, v.y, v.z)); });
-    grid.scale(max_component(medium.unit_sigma_t_));
+    grid.scale(max_component(medium.unit_.sigma_t));
     set_majorants(std::move(grid));
   }
 
@@ -216,7 +216,7 @@ struct Medium::Builder {
     while (bricks() > kMostBricks) edge *= 2;
     MajorantGrid grid(density.voxels(), density.box(), density.map(), edge);
     density.add_bounds(grid);
-    grid.scale(max_component(medium.unit_sigma_t_));
+    grid.scale(max_component(medium.unit_.sigma_t));
     set_majorants(std::move(grid));
   }
 
@@ -273,7 +273,7 @@ struct Medium::Builder {
     // The density has no bound but 1 that holds everywhere: one brick.
     MajorantGrid grid(IVec3(1), {DVec3(0), DVec3(1)}, cloud.map(), 1);
     grid.add_voxel(IVec3(0), 1);
-    grid.scale(max_component(medium.unit_sigma_t_));
+    grid.scale(max_component(medium.unit_.sigma_t));
     set_majorants(std::move(grid));
     medium.density_ = cloud;
     medium.scatters_ = !is_black(medium.unit_.sigma_s);
@@ -299,12 +299,13 @@ MediumPoint Medium::at(Vec3 p) const {
   if (kind_ == Kind::kHomogeneous) return unit_;
   if (kind_ == Kind::kGrid) {
     const float d = density(p);
-    MediumPoint point{unit_.sigma_a * d, unit_.sigma_s * d, Rgb(0)};
-    if (emits_ && d > 0) point.emission = point.sigma_a * emission_.at(p);
+    MediumPoint point{unit_.sigma_t * d, unit_.sigma_s * d, Rgb(0)};
+    if (emits_ && d > 0) point.emission = unit_sigma_a_ * d * emission_.at(p);
     return point;
   }
-  MediumPoint point{rgb_.sigma_a_at(p), rgb_.sigma_s_at(p), Rgb(0)};
-  if (emits_) point.emission = point.sigma_a * rgb_.emission->at(p);
+  const Rgb sigma_a = rgb_.sigma_a_at(p), sigma_s = rgb_.sigma_s_at(p);
+  MediumPoint point{sigma_a + sigma_s, sigma_s, Rgb(0)};
+  if (emits_) point.emission = sigma_a * rgb_.emission->at(p);
   return point;
 }
 
@@ -314,7 +315,7 @@ Media::Media(const SceneDescription& scene, const DMat4& render_from_world, doub
 }
 
 Rgb albedo(const MediumPoint& point) {
-  const Rgb t = point.sigma_t();
+  const Rgb t = point.sigma_t;
   Rgb result{0};
   for (int i = 0; i < 3; ++i)
     if (t[i] > 0) result[i] = point.sigma_s[i] / t[i];

@@ -22,11 +22,13 @@
 namespace woodcock {
 
 /// The coefficients at a point, in 1/render unit.
+///
+/// With all four terms of the transfer equation σt = σa + σs. `--only` leaves some out (TransferTerms): σt then counts σa
+/// with absorption and σs with out-scattering, so σs may exceed it.
 struct MediumPoint {
-  Rgb sigma_a{0}, sigma_s{0};
+  Rgb sigma_t{0};   ///< what dims a beam
+  Rgb sigma_s{0};   ///< what in-scattering gains; zero where that is left out
   Rgb emission{0};  ///< σa · Le: radiance gained per render unit of length
-
-  Rgb sigma_t() const { return sigma_a + sigma_s; }
 };
 
 /// Something with one float value at each render-space point: `at(p)`, with `map()` into its own cells.
@@ -54,17 +56,19 @@ class Medium {
   Rgb sigma_t(Vec3 p) const;
   /// σt at a render-space point where `is_grey()`: one float look-up.
   float grey_sigma_t(Vec3 p) const {
-    if (kind_ == Kind::kGrid) return unit_sigma_t_.x * density(p);
+    if (kind_ == Kind::kGrid) return unit_.sigma_t.x * density(p);
     return sigma_t(p).x;
   }
   /// The factor of `unit()` at a render-space point: 1 in homogeneous media. Not for RGB grids, see `is_separable`.
   float density(Vec3 p) const;
-  /// σa and σs at density 1; `emission` is set for homogeneous media only.
+  /// The coefficients at density 1; `emission` is set for homogeneous media only.
   const MediumPoint& unit() const { return unit_; }
   /// σa and σs are `density` times constants: true for all kinds but RGB grids.
   bool is_separable() const { return kind_ != Kind::kRgbGrid; }
 
   const HenyeyGreenstein& phase() const { return phase_; }
+  /// The phase function at a render-space point.
+  PhaseMix phase_at(Vec3) const { return PhaseMix(phase_); }
   /// Somewhere σs > 0.
   bool scatters() const { return scatters_; }
   /// Somewhere σa · Le > 0.
@@ -105,7 +109,7 @@ class Medium {
   bool scatters_ = false, emits_ = false, grey_ = true;
   float maximum_sigma_t_ = 0;
   MediumPoint unit_;
-  Rgb unit_sigma_t_{0};
+  Rgb unit_sigma_a_{0};
   HenyeyGreenstein phase_;
   MajorantGrid majorants_;
   FloatField density_;
@@ -161,8 +165,8 @@ inline float Medium::density(Vec3 p) const {
 }
 
 inline Rgb Medium::sigma_t(Vec3 p) const {
-  if (kind_ == Kind::kHomogeneous) return unit_sigma_t_;
-  if (kind_ == Kind::kGrid) return unit_sigma_t_ * density(p);
+  if (kind_ == Kind::kHomogeneous) return unit_.sigma_t;
+  if (kind_ == Kind::kGrid) return unit_.sigma_t * density(p);
   return rgb_.sigma_a_at(p) + rgb_.sigma_s_at(p);
 }
 

@@ -62,4 +62,29 @@ struct HenyeyGreenstein {
   }
 };
 
+/// The phase function at one point of a medium, as estimators see it.
+class PhaseMix {
+ public:
+  struct Sample {
+    Vec3 wi;
+    float pdf;   ///< per steradian
+    Rgb weight;  ///< eval / pdf per channel
+  };
+
+  explicit PhaseMix(const HenyeyGreenstein& phase) : phase_(&phase) {}
+
+  /// Density per steradian and channel; directions as for HenyeyGreenstein.
+  Rgb eval(Vec3 wo, Vec3 wi) const { return Rgb(phase_->eval(wo, wi)); }
+  /// The density with which `sample` gives `wi`.
+  float pdf(Vec3 wo, Vec3 wi) const { return phase_->eval(wo, wi); }
+  /// u in [0,1)² for the direction, `u_choice` in [0,1) for the choice of a component.
+  Sample sample(Vec3 wo, Vec2 u, float /*u_choice*/) const {
+    const auto s = phase_->sample(wo, u);
+    return {s.wi, s.pdf, Rgb(1)};
+  }
+
+ private:
+  const HenyeyGreenstein* phase_;
+};
+
 }  // namespace woodcock

@@ -321,10 +321,16 @@ struct FilmDescription {
   float image_scale = 1;             ///< iso, exposure time and sensor "cie1931": what multiplies radiance
   FilterDescription filter;
 };
+/// Which terms of the transfer equation count in media (`--only`).
+struct TransferTerms {
+  bool absorption = true, emission = true, out_scattering = true, in_scattering = true;
+  bool all() const { return absorption && emission && out_scattering && in_scattering; }
+};
 struct RenderSettings {
   int64_t samples_per_pixel = 16;
   int max_depth = 5;
   uint64_t seed = 0;
+  TransferTerms terms;  ///< of the command line; a scene file means all
   std::string integrator = "volpath", sampler = "zsobol";
 };
 

@@ -120,7 +120,7 @@ class Path {
   /// Closed forms. Emission of the whole segment: ∫₀ᵗ exp(−σt s) σa Le ds.
   std::optional<float> fly_homogeneous(const Medium& medium, float t_max) {
     const MediumPoint& m = medium.homogeneous();
-    const Rgb sigma_t = m.sigma_t();
+    const Rgb sigma_t = m.sigma_t;
     if (medium.emits()) add(segment_emission(m.emission, sigma_t, t_max));
     if (!medium.scatters() || !may_scatter()) {
       beta_ *= attenuation(sigma_t, t_max);
@@ -176,7 +176,7 @@ class Path {
       const float majorant = collisions.majorant(), inverse = 1 / majorant;
       const MediumPoint m = medium.at(ray_.at(collisions.t()));
       if (medium.emits()) add(m.emission * inverse);
-      Rgb sigma_n = Rgb(majorant) - m.sigma_t();
+      Rgb sigma_n = Rgb(majorant) - m.sigma_t;
       for (int c = 0; c < 3; ++c) {
         if (sigma_n[c] < 0) {
           // Rounding of the interpolation is no violation; the bound carries an allowance for it.

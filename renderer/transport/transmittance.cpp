@@ -24,7 +24,7 @@ Rgb attenuation(Rgb sigma, double t) {
 }
 
 Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, Stream& random, PathCounters& count) {
-  if (medium.is_homogeneous()) return attenuation(medium.homogeneous().sigma_t(), t_max);
+  if (medium.is_homogeneous()) return attenuation(medium.homogeneous().sigma_t, t_max);
   Rgb estimate{1};
   TentativeCollisions collisions(medium, ray, t_max, random);
   while (collisions.next()) {

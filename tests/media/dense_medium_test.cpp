@@ -15,7 +15,7 @@ TEST(HomogeneousMedium, coefficients_are_per_render_unit) {
   HomogeneousDescription d{{1, 2, 3}, {4, 5, 6}, {7, 8, 9}, 0.5f};
   const Medium m = make_medium(d, DMat4(1), glm::scale(DMat4(1), DVec3(4)), 4);
   EXPECT_TRUE(m.is_homogeneous());
-  EXPECT_EQ(m.homogeneous().sigma_a, Rgb(0.25f, 0.5f, 0.75f));
+  EXPECT_EQ(m.homogeneous().sigma_t, Rgb(1.25f, 1.75f, 2.25f));
   EXPECT_EQ(m.homogeneous().sigma_s, Rgb(1, 1.25f, 1.5f));
   EXPECT_EQ(m.homogeneous().emission, Rgb(0.25f * 7, 0.5f * 8, 0.75f * 9));
   EXPECT_EQ(m.phase().g, 0.5f);
@@ -90,7 +90,7 @@ TEST(GridMedium, a_constant_grid_equals_the_homogeneous_medium_inside_and_fades_
   Stream random(3);
   for (int i = 0; i < 1000; ++i) {
     const Vec3 p = Vec3(0.5f) + 7.0f * Vec3(random.uniform(), random.uniform(), random.uniform());
-    EXPECT_EQ(grid.at(p).sigma_a, constant.at(p).sigma_a);
+    EXPECT_EQ(grid.at(p).sigma_t, constant.at(p).sigma_t);
     EXPECT_EQ(grid.at(p).sigma_s, constant.at(p).sigma_s);
   }
   EXPECT_EQ(grid.density({4, 4, 0.25f}), 0.75f);
@@ -147,7 +147,7 @@ TEST(GridMedium, N55_rotated_and_unevenly_scaled_transforms_look_up_the_same_poi
   world = glm::scale(world, DVec3(0.1, -2, 0.5));
   const DMat4 render = glm::scale(glm::translate(DMat4(1), DVec3(0.5, 0.25, -1)), DVec3(0.25));
   const Medium m = make_medium(grid_medium(grid), world, render, 0.25);
-  EXPECT_EQ(m.unit().sigma_a, Rgb(2));
+  EXPECT_EQ(m.unit().sigma_t - m.unit().sigma_s, Rgb(2));
   Stream random(12);
   for (int i = 0; i < 5000; ++i) {
     const DVec3 p = DVec3(grid.size) * (DVec3(random.uniform(), random.uniform(), random.uniform()) * 0.98 + 0.01);

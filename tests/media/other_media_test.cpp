@@ -42,7 +42,7 @@ TEST(RgbGridMedium, interpolates_the_coefficients_of_each_channel_as_a_grid_of_i
     const MediumPoint point = m.at(Vec3(2.0 * p));
     for (int c = 0; c < 3; ++c) {
       const double a = 1.5 * channel(*d.sigma_a, c, p), s = 1.5 * channel(*d.sigma_s, c, p);
-      EXPECT_NEAR(point.sigma_a[c], a, 1e-5);
+      EXPECT_NEAR(point.sigma_t[c], a + s, 1e-5);
       EXPECT_NEAR(point.sigma_s[c], s, 1e-5);
       EXPECT_NEAR(m.sigma_t(Vec3(2.0 * p))[c], a + s, 1e-5);
       EXPECT_NEAR(point.emission[c], a * 0.5 * channel(*d.emission, c, p), 1e-5);
@@ -75,10 +75,10 @@ TEST(RgbGridMedium, an_absent_coefficient_is_one_inside_the_box_and_zero_outside
   d.scale = 2;
   d.sigma_s = rgb_volume(IVec3(2), [](IVec3) { return Rgb(0.5f); });
   const Medium m = make_medium(d);
-  EXPECT_EQ(m.at({0, 0, 0}).sigma_a, Rgb(2));
-  EXPECT_EQ(m.at({1, 1, 1}).sigma_a, Rgb(2));
+  EXPECT_EQ(m.at({0, 0, 0}).sigma_t - m.at({0, 0, 0}).sigma_s, Rgb(2));
+  EXPECT_EQ(m.at({1, 1, 1}).sigma_t, Rgb(3));
   EXPECT_EQ(m.at({1, 1, 1}).sigma_s, Rgb(1));
-  EXPECT_EQ(m.at({2.1f, 1, 1}).sigma_a, Rgb(0));
+  EXPECT_EQ(m.at({2.1f, 1, 1}).sigma_t, Rgb(0));
   EXPECT_TRUE(m.is_grey());
   EXPECT_EQ(m.grey_sigma_t({1, 1, 1}), 3);
   d.sigma_s = nullptr;

@@ -12,7 +12,7 @@ namespace woodcock::testing {
 /// a cubic along a line, which Gauss' rule with two points integrates exactly: what remains is the float rounding of
 /// look-ups (about 1e-6). Not for procedural clouds.
 inline DVec3 optical_depth_exact(const Medium& medium, const Ray& ray, double t0, double t1) {
-  if (medium.is_homogeneous()) return DVec3(medium.homogeneous().sigma_t()) * (t1 - t0);
+  if (medium.is_homogeneous()) return DVec3(medium.homogeneous().sigma_t) * (t1 - t0);
   const MajorantGrid& grid = medium.majorants();
   const DVec3 o = grid.map().point_exact(DVec3(ray.o)), d = grid.map().vector_exact(DVec3(ray.d));
   std::vector<double> cuts{t0, t1};
