@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "renderer/film/tile.h"
+#include "renderer/frame/estimator_settings.h"
 
 namespace woodcock {
 namespace {
@@ -26,6 +27,42 @@ std::array<int, N> parse_numbers(const std::string& option, const std::string& t
   return result;
 }
 
+void add_estimator_options(CLI::App& command, FrameSettings& settings) {
+  command.add_option("--estimator", settings.estimator, "How light is computed along a ray: see `woodcock estimators`")
+      ->type_name("NAME")
+      ->capture_default_str();
+  command
+      .add_option("--only", settings.only,
+                  "Terms of the transfer equation that count in media: any of absorption,emission,out-scattering,in-scattering")
+      ->type_name("TERMS")
+      ->check([](const std::string& list) { return list.empty() ? std::string("expected at least one term") : std::string(); });
+  command.add_option("--step", settings.step, "Length of a step in world units, for estimators that march; they need it");
+  command.add_option("--directions", settings.directions,
+                     "Directions a step at the first scattering, or distances on the first ray, for estimators that march (default: 1)");
+  command.add_option("--branching", settings.branching, "Directions at the first bounce, for uniform-path (default: 1)");
+  command
+      .add_option_function<std::string>(
+          "--kernel", [&settings](const std::string& kernel) { settings.full_kernel = kernel == "full"; },
+          "The kernel made for the scene's effects, or the one with all of them: the same bits")
+      ->check(CLI::IsMember({"auto", "full"}))
+      ->default_str("auto");
+  command
+      .add_option_function<std::string>(
+          "--plan", [&settings](const std::string& plan) { settings.plan = plan == "on"; },
+          "Off: the general algorithm, without what was found out about the scene; other noise, the same picture")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->default_str("on");
+  command.add_option("--without", settings.without, "Features of the estimator auto to switch off: see `woodcock estimators`")
+      ->type_name("LIST");
+  command.parse_complete_callback([&settings] {
+    try {
+      resolve_estimator(settings);
+    } catch (const std::invalid_argument& error) {
+      throw CLI::ValidationError(std::string("--") + error.what());
+    }
+  });
+}
+
 }  // namespace
 
 void add_frame_options(CLI::App& command, FrameSettings& settings) {
@@ -43,9 +80,7 @@ void add_frame_options(CLI::App& command, FrameSettings& settings) {
       "Render only the pixels x0 <= x < x1, y0 <= y < y1, given as x0,x1,y0,y1");
   command.add_option("--max-depth", settings.max_depth, "Scatterings a path may have (default: the scene's maxdepth)")
       ->check(CLI::NonNegativeNumber);
-  command.add_option("--estimator", settings.estimator, "How light is computed along a ray")
-      ->check(CLI::IsMember({"auto"}))
-      ->capture_default_str();
+  add_estimator_options(command, settings);
   command
       .add_option_function<std::string>(
           "--aov",

@@ -8,8 +8,8 @@
 
 namespace woodcock {
 
-/// Adds --spp, --seed, --resolution, --crop, --max-depth, --estimator, --aov and --allow-unsupported. `settings` must outlive
-/// the parsing.
+/// Adds --spp, --seed, --resolution, --crop, --max-depth, --estimator and what estimators take, --aov and --allow-unsupported,
+/// and a check of the estimator's options against each other when all are parsed. `settings` must outlive the parsing.
 void add_frame_options(CLI::App& command, FrameSettings& settings);
 
 }  // namespace woodcock

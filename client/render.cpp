@@ -18,6 +18,7 @@
 #include "renderer/film/exr.h"
 #include "renderer/film/png.h"
 #include "renderer/film/tile.h"
+#include "renderer/transport/estimator.h"
 
 namespace woodcock {
 namespace {
@@ -130,6 +131,7 @@ int run(const RenderOptions& options) {
                      {"pixel_digest", digest_of_pixels(header, result.nodes)},
                      {"error", accuracy},
                      {"counters", counters_json(progress.counters)}};
+    for (const auto& [key, value] : header.settings) j["settings"][key] = value;
     fmt::print("{}\n", j.dump(2));
   } else {
     fmt::print("{}: samples {} to {} of {}x{} pixels, {} ({} samples/s), {} threads\n", output.string(), result.samples.begin,
@@ -137,6 +139,8 @@ int run(const RenderOptions& options) {
                format_count(static_cast<double>(progress.samples) / std::max(1e-9, render_seconds)), threads);
     fmt::print("{}: the same picture to look at\n", png.string());
     fmt::print("{}{}", format_error(error), format_price(error, seconds_per_sample));
+    if (const EstimatorInfo* estimator = find_estimator(options.settings.estimator); estimator->biased())
+      fmt::print("biased: {}; none of these errors counts that\n", estimator->bias);
   }
   report_health(progress.counters);
   if (!result.complete) {

@@ -16,6 +16,7 @@
 #include "client/progress_line.h"
 #include "client/service.h"
 #include "client/watch_job.h"
+#include "renderer/frame/estimator_settings.h"
 #include "renderer/frame/frame_header.h"
 #include "renderer/scene/read_scene.h"
 #include "rpc/blob_transfer.h"
@@ -69,6 +70,7 @@ void add_frame(const SubmitOptions& options, uint64_t number, Submission& submis
   read.warn = [](const std::string& line) { fmt::print(stderr, "warning: {}\n", line); };
   SceneDescription scene = read_scene(options.frames.empty() ? options.scene : with_frame_number(options.scene, number), read);
   apply_settings(settings, scene);
+  for (const std::string& warning : setting_warnings(scene)) read.warn(warning);
 
   v1::SceneManifest manifest;
   for (const SceneFile& file : scene.files) {

@@ -1,6 +1,7 @@
 #include "rpc/convert.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 #include "rpc/limits.h"
@@ -27,6 +28,26 @@ void check_resolution(const v1::Resolution& resolution, std::string_view field) 
   const bool ok = resolution.width() >= 1 && resolution.height() >= 1 && resolution.width() <= kMaxResolution &&
                   resolution.height() <= kMaxResolution && int64_t{resolution.width()} * resolution.height() <= kMaxPixels;
   check(ok, field, "1 to 65536 pixels an edge and at most 2^30 pixels");
+}
+
+/// What the estimator is set by; whether it takes these options is the renderer's to say.
+void set_estimator_options(const v1::RenderSettings& settings, FrameSettings& domain) {
+  const auto count = [](int32_t value, std::string_view field) {
+    check(value >= 1 && value <= kMaxDirections, field, "1 to 1024");
+    return value;
+  };
+  check(settings.only().size() <= kMaxIdBytes && is_plain_text(settings.only()), "settings.only", "terms, at most 64 bytes");
+  domain.only = settings.only();
+  if (settings.has_step()) {
+    check(std::isfinite(settings.step()) && settings.step() > 0, "settings.step", "a finite positive length");
+    domain.step = settings.step();
+  }
+  if (settings.has_directions()) domain.directions = count(settings.directions(), "settings.directions");
+  if (settings.has_branching()) domain.branching = count(settings.branching(), "settings.branching");
+  domain.full_kernel = settings.full_kernel();
+  domain.plan = !settings.plan_off();
+  check(settings.without().size() <= kMaxListBytes && is_plain_text(settings.without()), "settings.without", "features, at most 512 bytes");
+  domain.without = settings.without();
 }
 
 }  // namespace
@@ -94,6 +115,13 @@ v1::RenderSettings to_wire(const FrameSettings& settings, int tile_size) {
   wire.set_aovs(settings.aovs);
   wire.set_allow_unsupported(settings.allow_unsupported);
   wire.set_tile_size(static_cast<uint32_t>(tile_size));
+  wire.set_only(settings.only);
+  if (settings.step) wire.set_step(*settings.step);
+  if (settings.directions) wire.set_directions(*settings.directions);
+  if (settings.branching) wire.set_branching(*settings.branching);
+  wire.set_full_kernel(settings.full_kernel);
+  wire.set_plan_off(!settings.plan);
+  wire.set_without(settings.without);
   return wire;
 }
 
@@ -128,6 +156,7 @@ FrameSettings from_wire(const v1::RenderSettings& settings, uint64_t frame) {
     }
   }
   domain.allow_unsupported = settings.allow_unsupported();
+  set_estimator_options(settings, domain);
   domain.frame = frame;
   return domain;
 }

@@ -50,12 +50,19 @@ json settings_json(const FrameSettings& settings) {
   json out{{"estimator", settings.estimator},
            {"allow_unsupported", settings.allow_unsupported},
            {"aovs", settings.aovs},
+           {"only", settings.only},
+           {"full_kernel", settings.full_kernel},
+           {"plan", settings.plan},
+           {"without", settings.without},
            {"frame", settings.frame}};
   put(out, "resolution", settings.resolution);
   put(out, "crop", settings.crop);
   put(out, "samples", settings.samples);
   put(out, "seed", settings.seed);
   put(out, "max_depth", settings.max_depth);
+  put(out, "step", settings.step);
+  put(out, "directions", settings.directions);
+  put(out, "branching", settings.branching);
   return out;
 }
 
@@ -64,12 +71,19 @@ FrameSettings settings_from(const json& in) {
   in.at("estimator").get_to(settings.estimator);
   in.at("allow_unsupported").get_to(settings.allow_unsupported);
   in.at("aovs").get_to(settings.aovs);
+  in.at("only").get_to(settings.only);
+  in.at("full_kernel").get_to(settings.full_kernel);
+  in.at("plan").get_to(settings.plan);
+  in.at("without").get_to(settings.without);
   in.at("frame").get_to(settings.frame);
   take(in, "resolution", settings.resolution);
   take(in, "crop", settings.crop);
   take(in, "samples", settings.samples);
   take(in, "seed", settings.seed);
   take(in, "max_depth", settings.max_depth);
+  take(in, "step", settings.step);
+  take(in, "directions", settings.directions);
+  take(in, "branching", settings.branching);
   return settings;
 }
 

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "renderer/core/sha256.h"
+#include "renderer/frame/estimator_settings.h"
 
 namespace woodcock {
 namespace {
@@ -70,9 +71,13 @@ void apply_settings(const FrameSettings& settings, SceneDescription& scene) {
     scene.settings.max_depth = *settings.max_depth;
   }
   parse_aovs(settings.aovs);
-  if (settings.estimator != "auto") {
-    refuse("estimator: found \"" + settings.estimator + "\", expected \"auto\"");
+  const EstimatorSettings estimator = resolve_estimator(settings);
+  scene.settings.terms = estimator.terms;
+  if (estimator.terms.in_scattering && !estimator.terms.out_scattering && scene.settings.max_depth > kMostDepthWithGain) {
+    refuse("max-depth: found " + std::to_string(scene.settings.max_depth) + ", expected at most " + std::to_string(kMostDepthWithGain) +
+           " where in-scattering counts and out-scattering does not: energy grows with every scattering");
   }
+  refuse_lights(*estimator.estimator, scene);
 }
 
 FrameHeader frame_header(const SceneDescription& scene, const FrameSettings& settings) {
@@ -84,10 +89,10 @@ FrameHeader frame_header(const SceneDescription& scene, const FrameSettings& set
   h.height = scene.film.y_resolution;
   h.bounds = {scene.film.pixel_bounds[0], scene.film.pixel_bounds[2], scene.film.pixel_bounds[1], scene.film.pixel_bounds[3]};
   h.aovs = parse_aovs(settings.aovs);
-  h.settings.emplace_back("estimator", settings.estimator);
-  h.settings.emplace_back("biased", "no");
+  h.settings = header_fields(settings);
   h.settings.emplace_back("max_depth", std::to_string(scene.settings.max_depth));
   h.settings.emplace_back("filter", name_of(scene.film.filter.kind));
+  size_t ignored_before = 0;
   for (const IgnoredDirective& ignored : scene.ignored) {
     if (!ignored.changes_picture) continue;
     // Control characters of a scene's own strings have no place in a header.
@@ -95,7 +100,7 @@ FrameHeader frame_header(const SceneDescription& scene, const FrameSettings& set
     std::replace_if(
         text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 32 || c == 127; }, ' ');
     const std::string place = std::to_string(ignored.where.line) + ":" + std::to_string(ignored.where.column) + ": ";
-    h.settings.emplace_back("ignored." + std::to_string(h.settings.size() - 4), place + text);
+    h.settings.emplace_back("ignored." + std::to_string(ignored_before++), place + text);
   }
   Sha256 digest;
   for (const auto& [key, value] : h.settings) digest.field(key).field(value);

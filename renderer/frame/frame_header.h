@@ -7,9 +7,9 @@
 
 namespace woodcock {
 
-/// Puts the overrides into the description (resolution, crop, samples, seed, depth), so that from here on the
+/// Puts the overrides into the description (resolution, crop, samples, seed, depth, terms), so that from here on the
 /// description alone says what is rendered. Throws std::invalid_argument naming the setting, what was found and what
-/// was expected.
+/// was expected, and SceneError at a light that the estimator would miss.
 void apply_settings(const FrameSettings& settings, SceneDescription& scene);
 
 /// The deterministic fields of a frame without the render build and the arithmetic class, which belong to the machine

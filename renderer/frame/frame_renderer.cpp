@@ -8,8 +8,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "renderer/frame/estimator_settings.h"
 #include "renderer/frame/frame_header.h"
-#include "renderer/transport/path.h"
 #include "renderer/world/world.h"
 
 namespace woodcock {
@@ -31,6 +31,17 @@ Rgb developed(PathResult& path, float weight, const FilmDescription& film, PathC
   return radiance * weight;
 }
 
+/// The step in render units. Throws std::invalid_argument where a ray would take more steps than anyone waits for.
+float checked_step(double step, const World& world) {
+  const double length = step * world.space.scale, diagonal = static_cast<double>(glm::length(world.geometry.bounds().extent()));
+  if (std::isfinite(diagonal) && !(diagonal / length <= kMostSteps)) {
+    throw std::invalid_argument("step: found " + std::to_string(step) + ", expected at least " +
+                                std::to_string(diagonal / world.space.scale / kMostSteps) + " world units: the scene is " +
+                                std::to_string(diagonal / world.space.scale) + " across");
+  }
+  return static_cast<float>(length);
+}
+
 }  // namespace
 
 struct FrameRenderer::Impl {
@@ -38,6 +49,7 @@ struct FrameRenderer::Impl {
   FrameHeader header;
   std::unique_ptr<const World> world;
   PathSettings path;
+  RadianceFunction radiance = nullptr;
 };
 
 FrameRenderer::FrameRenderer(const std::string& scene_path, const FrameSettings& settings, const ReadOptions& options,
@@ -52,12 +64,21 @@ FrameRenderer::FrameRenderer(const std::string& scene_path, const FrameSettings&
   impl_->world = build_world(impl_->scene);
   if (options.warn) {
     for (const auto& note : impl_->world->notes) options.warn(note);
+    for (const auto& warning : setting_warnings(impl_->scene)) options.warn(warning);
   }
+  const EstimatorSettings estimator = resolve_estimator(settings);
+  refuse_media(*estimator.estimator, impl_->scene, *impl_->world);
   impl_->header = frame_header(impl_->scene, settings);
   impl_->header.build = render_build();
   impl_->header.arithmetic_class = arithmetic_class();
   impl_->path.frame_seed = frame_seed(impl_->scene.settings.seed, settings.frame);
   impl_->path.max_depth = impl_->scene.settings.max_depth;
+  impl_->path.features = estimator.features;
+  impl_->path.full_kernel = settings.full_kernel;
+  impl_->path.plan = settings.plan;
+  impl_->path.paper = {estimator.estimator->step ? checked_step(estimator.step, *impl_->world) : 0, estimator.directions,
+                       estimator.branching};
+  impl_->radiance = estimator.estimator->radiance;
 }
 
 FrameRenderer::~FrameRenderer() = default;
@@ -87,7 +108,7 @@ std::optional<Tile> FrameRenderer::render(const PixelRect& rect, const SampleRan
     for (int64_t i = range.begin; i < range.end; ++i) {
       const PathKey key = path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i));
       const CameraSample camera = camera_sample(*impl_->world, key, x, y);
-      PathResult path = trace_path(*impl_->world, settings, camera.ray, key, count);
+      PathResult path = impl_->radiance(*impl_->world, settings, camera.ray, key, count);
       accumulator.push(leaf(developed(path, camera.weight, film, count), {path.albedo, path.normal, path.depth}, i));
       if (++reported_samples == 64) {
         progress.samples.fetch_add(reported_samples, std::memory_order_relaxed);

@@ -5,6 +5,7 @@
 
 #include "renderer/core/random.h"
 #include "renderer/transport/counters.h"
+#include "renderer/transport/features.h"
 #include "renderer/world/world.h"
 
 namespace woodcock {
@@ -17,10 +18,21 @@ struct PathWatch {
   const std::atomic<bool>& cancel;
 };
 
+/// What the paper's estimators are set by; see estimator.h for which of them takes what.
+struct PaperSettings {
+  float step = 0;      ///< of ray marching, in render units
+  int directions = 1;  ///< a step at the first scattering (march), or distances on the first ray (line)
+  int branching = 1;   ///< directions at the first bounce
+};
+
 struct PathSettings {
   uint64_t frame_seed = 0;
   int max_depth = 5;  ///< scatterings at surfaces and in media; null collisions and interfaces do not count
   const PathWatch* watch = nullptr;
+  Features features;         ///< of the estimator `auto`
+  bool full_kernel = false;  ///< run the kernel with every effect compiled in; the same bits
+  bool plan = true;          ///< off: the general algorithm, without what was found out about the scene
+  PaperSettings paper;
 };
 
 /// Vertices between two looks at PathSettings::watch; a power of two.
