@@ -29,6 +29,7 @@ inline constexpr float kOneMinusEpsilon = 0x1.fffffep-1f;
 inline float luminance(Rgb c) { return 0.2126f * c.r + 0.7152f * c.g + 0.0722f * c.b; }
 
 inline float max_component(Vec3 v) { return std::fmax(v.x, std::fmax(v.y, v.z)); }
+inline float min_component(Vec3 v) { return std::fmin(v.x, std::fmin(v.y, v.z)); }
 inline float average(Rgb c) { return (c.r + c.g + c.b) * (1.0f / 3.0f); }
 inline bool is_black(Rgb c) { return c.r == 0 && c.g == 0 && c.b == 0; }
 inline bool is_finite(Vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }

@@ -89,22 +89,33 @@ struct Medium::Builder {
   const Checks& checks;
   DMat4 render_from_medium;
   float inverse_scale;
+  TransferTerms terms;
+  Rgb whole{0};  ///< σa + σs at density 1, whatever the terms
 
   void set_unit(Rgb sigma_a, Rgb sigma_s, float g) {
     checks.coefficient(sigma_a, "sigma_a");
     checks.coefficient(sigma_s, "sigma_s");
-    medium.unit_sigma_a_ = sigma_a * inverse_scale;
-    medium.unit_ = {medium.unit_sigma_a_ + sigma_s * inverse_scale, sigma_s * inverse_scale, Rgb(0)};
+    const Rgb a = sigma_a * inverse_scale, s = sigma_s * inverse_scale;
+    whole = a + s;
+    medium.unit_sigma_a_ = a;
+    medium.unit_ = {(terms.absorption ? a : Rgb(0)) + (terms.out_scattering ? s : Rgb(0)), terms.in_scattering ? s : Rgb(0), Rgb(0)};
     medium.phase_.g = checks.mean_cosine(g);
     medium.grey_ = has_equal_channels(medium.unit_.sigma_t);
+  }
+
+  /// After the majorant is known: a medium with a unit scatters and attenuates where its density is positive.
+  void set_effects_of_unit() {
+    const bool filled = medium.maximum_sigma_t_ > 0;
+    medium.attenuates_ = filled && !is_black(medium.unit_.sigma_t);
+    medium.scatters_ = filled && !is_black(medium.unit_.sigma_s);
   }
 
   void operator()(const HomogeneousDescription& d) {
     set_unit(d.sigma_a, d.sigma_s, d.g);
     checks.coefficient(d.emission, "Le");
-    medium.unit_.emission = medium.unit_sigma_a_ * d.emission;
-    medium.maximum_sigma_t_ = max_component(medium.unit_.sigma_t);
-    medium.scatters_ = !is_black(medium.unit_.sigma_s);
+    if (terms.emission) medium.unit_.emission = medium.unit_sigma_a_ * d.emission;
+    medium.maximum_sigma_t_ = max_component(whole);
+    set_effects_of_unit();
     medium.emits_ = !is_black(medium.unit_.emission);
   }
 
@@ -141,7 +152,7 @@ struct Medium::Builder {
       bound(density);
       medium.density_ = BrickField<float>(std::move(density));
     }
-    medium.scatters_ = medium.attenuates() && !is_black(medium.unit_.sigma_s);
+    set_effects_of_unit();
     set_emission(d);
   }
 
@@ -166,7 +177,8 @@ struct Medium::Builder {
     e.radiance = d.emission;
     e.scale = d.emission_scale;
     if (!(e.scale >= 0) || !std::isfinite(e.scale)) checks.fail(fmt::format("Lescale is {}; it must be finite and not negative", e.scale));
-    if (!medium.attenuates() || is_black(medium.unit_sigma_a_) || is_black(e.radiance) || e.scale == 0) return;
+    if (!terms.emission || !(medium.maximum_sigma_t_ > 0)) return;
+    if (is_black(medium.unit_sigma_a_) || is_black(e.radiance) || e.scale == 0) return;
     if (d.temperature) {
       e.temperature_scale = d.temperature_scale;
       e.temperature_offset = d.temperature_offset;
@@ -204,7 +216,7 @@ struct Medium::Builder {
   void bound(const DenseGrid<float>& values, const BrickField<float>& density) {
     MajorantGrid grid(values.size, density.box(), density.map(), kFinestEdge);
     for_each_voxel(values.size, [&](IVec3 v) { grid.add_voxel(v, values.at(v.x, v.y, v.z)); });
-    grid.scale(max_component(medium.unit_.sigma_t));
+    grid.scale(max_component(whole), min_component(medium.unit_.sigma_t));
     set_majorants(std::move(grid));
   }
 
@@ -216,7 +228,7 @@ struct Medium::Builder {
     while (bricks() > kMostBricks) edge *= 2;
     MajorantGrid grid(density.voxels(), density.box(), density.map(), edge);
     density.add_bounds(grid);
-    grid.scale(max_component(medium.unit_.sigma_t));
+    grid.scale(max_component(whole), min_component(medium.unit_.sigma_t));
     set_majorants(std::move(grid));
   }
 
@@ -242,6 +254,7 @@ struct Medium::Builder {
                                    emission = checked(d.emission, "Le");
     RgbGrids& rgb = medium.rgb_;
     rgb.absent = Rgb(scale);
+    rgb.terms = terms;
     if (sigma_a) rgb.sigma_a.emplace(*sigma_a, render_from_medium, scale);
     if (sigma_s) rgb.sigma_s.emplace(*sigma_s, render_from_medium, scale);
     if (emission) rgb.emission.emplace(*emission, render_from_medium, d.emission_scale);
@@ -253,14 +266,17 @@ struct Medium::Builder {
     for_each_voxel(size, [&](IVec3 v) {
       const auto value = [&](const std::optional<RgbVolume>& volume) { return volume ? volume->at(v.x, v.y, v.z) * scale : Rgb(scale); };
       const Rgb a = value(sigma_a), s = value(sigma_s);
-      grid.add_voxel(v, max_component(a + s));
-      medium.grey_ = medium.grey_ && has_equal_channels(a) && has_equal_channels(s);
-      medium.scatters_ = medium.scatters_ || !is_black(s);
+      const Rgb sigma_t = rgb.sigma_t_of(a, s);
+      grid.add_voxel(v, max_component(a + s), min_component(sigma_t));
+      // Each by itself: the interpolants of a and s are rounded before they are added.
+      medium.grey_ = medium.grey_ && (!terms.absorption || has_equal_channels(a)) && (!terms.out_scattering || has_equal_channels(s));
+      medium.attenuates_ = medium.attenuates_ || !is_black(sigma_t);
+      medium.scatters_ = medium.scatters_ || (terms.in_scattering && !is_black(s));
       medium.emits_ = medium.emits_ || !is_black(a);
       glows = glows || (emission && d.emission_scale > 0 && !is_black(emission->at(v.x, v.y, v.z)));
     });
-    medium.emits_ = medium.emits_ && glows;
-    grid.scale(1);
+    medium.emits_ = medium.emits_ && glows && terms.emission;
+    grid.scale(1, 1);
     set_majorants(std::move(grid));
   }
 
@@ -273,19 +289,20 @@ struct Medium::Builder {
     // The density has no bound but 1 that holds everywhere: one brick.
     MajorantGrid grid(IVec3(1), {DVec3(0), DVec3(1)}, cloud.map(), 1);
     grid.add_voxel(IVec3(0), 1);
-    grid.scale(max_component(medium.unit_.sigma_t));
+    grid.scale(max_component(whole), min_component(medium.unit_.sigma_t));
     set_majorants(std::move(grid));
     medium.density_ = cloud;
-    medium.scatters_ = !is_black(medium.unit_.sigma_s);
+    set_effects_of_unit();
   }
 };
 
-Medium::Medium(const MediumDescription& description, const DMat4& render_from_world, double scale, std::vector<std::string>& notes) {
+Medium::Medium(const MediumDescription& description, const DMat4& render_from_world, double scale, std::vector<std::string>& notes,
+               const TransferTerms& terms) {
   const Checks checks(description, notes);
   const DMat4 render_from_medium = render_from_world * description.world_from_medium;
   if (const double det = glm::determinant(render_from_medium); !(std::abs(det) > 0) || !std::isfinite(det))
     checks.fail("its transform cannot be inverted");
-  std::visit(Builder{*this, checks, render_from_medium, static_cast<float>(1 / scale)}, description.kind);
+  std::visit(Builder{*this, checks, render_from_medium, static_cast<float>(1 / scale), terms}, description.kind);
 }
 
 Rgb Medium::GridEmission::at(Vec3 p) const {
@@ -304,14 +321,15 @@ MediumPoint Medium::at(Vec3 p) const {
     return point;
   }
   const Rgb sigma_a = rgb_.sigma_a_at(p), sigma_s = rgb_.sigma_s_at(p);
-  MediumPoint point{sigma_a + sigma_s, sigma_s, Rgb(0)};
+  MediumPoint point{rgb_.sigma_t_of(sigma_a, sigma_s), rgb_.terms.in_scattering ? sigma_s : Rgb(0), Rgb(0)};
   if (emits_) point.emission = sigma_a * rgb_.emission->at(p);
   return point;
 }
 
 Media::Media(const SceneDescription& scene, const DMat4& render_from_world, double scale) {
   media_.reserve(scene.media.size());
-  for (const MediumDescription& description : scene.media) media_.emplace_back(description, render_from_world, scale, notes_);
+  for (const MediumDescription& description : scene.media)
+    media_.emplace_back(description, render_from_world, scale, notes_, scene.settings.terms);
 }
 
 Rgb albedo(const MediumPoint& point) {

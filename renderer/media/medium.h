@@ -42,8 +42,10 @@ inline float look_up(const FloatField& field, Vec3 p) {
 class Medium {
  public:
   /// Throws `SceneError` at the medium's place when a value has no physical meaning (not finite, |g| ≥ 1, σ < 0).
-  /// What was read differently than written is appended to `notes`, one sentence each.
-  Medium(const MediumDescription& description, const DMat4& render_from_world, double scale, std::vector<std::string>& notes);
+  /// What was read differently than written is appended to `notes`, one sentence each. Only `terms` of the transfer equation
+  /// count in what the methods say, except for bounds: these hold for σa + σs, so they bound σs as well.
+  Medium(const MediumDescription& description, const DMat4& render_from_world, double scale, std::vector<std::string>& notes,
+         const TransferTerms& terms = {});
 
   /// The same everywhere, without bounds of its own.
   bool is_homogeneous() const { return kind_ == Kind::kHomogeneous; }
@@ -73,11 +75,11 @@ class Medium {
   bool scatters() const { return scatters_; }
   /// Somewhere σa · Le > 0.
   bool emits() const { return emits_; }
-  /// Somewhere σt > 0. A medium that is empty is a vacuum.
-  bool attenuates() const { return maximum_sigma_t_ > 0; }
+  /// Somewhere σt > 0. A medium that neither attenuates nor scatters nor emits is a vacuum.
+  bool attenuates() const { return attenuates_; }
   /// σt is equal in all channels at every point.
   bool is_grey() const { return grey_; }
-  /// One bound of σt in all channels for the whole medium: the majorant of plain Woodcock tracking.
+  /// One bound of σa + σs in all channels for the whole medium: the majorant of plain Woodcock tracking.
   float maximum_sigma_t() const { return maximum_sigma_t_; }
   /// The bricks of a medium that is not homogeneous.
   const MajorantGrid& majorants() const { return majorants_; }
@@ -99,17 +101,19 @@ class Medium {
   struct RgbGrids {
     std::optional<BrickField<Rgb>> sigma_a, sigma_s, emission;
     Rgb absent{0};
+    TransferTerms terms;
 
     Rgb sigma_a_at(Vec3 p) const { return sigma_a ? sigma_a->at(p) : sigma_s->contains(p) ? absent : Rgb(0); }
     Rgb sigma_s_at(Vec3 p) const { return sigma_s ? sigma_s->at(p) : sigma_a->contains(p) ? absent : Rgb(0); }
+    Rgb sigma_t_of(Rgb a, Rgb s) const { return (terms.absorption ? a : Rgb(0)) + (terms.out_scattering ? s : Rgb(0)); }
   };
   struct Builder;
 
   Kind kind_ = Kind::kHomogeneous;
-  bool scatters_ = false, emits_ = false, grey_ = true;
+  bool attenuates_ = false, scatters_ = false, emits_ = false, grey_ = true;
   float maximum_sigma_t_ = 0;
   MediumPoint unit_;
-  Rgb unit_sigma_a_{0};
+  Rgb unit_sigma_a_{0};  ///< whether absorption counts or not: emission is σa · Le
   HenyeyGreenstein phase_;
   MajorantGrid majorants_;
   FloatField density_;
@@ -121,7 +125,8 @@ class Medium {
 class Media {
  public:
   Media() = default;
-  /// Render space is scale · (world − center), as `render_from_world` says. Throws `SceneError`.
+  /// Render space is scale · (world − center), as `render_from_world` says. The terms of `scene.settings` count. Throws
+  /// `SceneError`.
   Media(const SceneDescription& scene, const DMat4& render_from_world, double scale);
 
   const Medium& operator[](int index) const { return media_[static_cast<size_t>(index)]; }
@@ -134,7 +139,7 @@ class Media {
   std::vector<std::string> notes_;
 };
 
-/// The parts of a ray where a medium may attenuate, front to back, each with a bound of σt. Parts in between are empty.
+/// The parts of a ray where a medium may interact, front to back, each with bounds of σt. Parts in between are empty.
 class MajorantWalk {
  public:
   /// `ray.d` has unit length; the walk covers [0, t_max], and t_max may be infinite.
@@ -142,7 +147,7 @@ class MajorantWalk {
     if (!medium.is_homogeneous())
       bricks_ = BrickWalk(medium.majorants(), ray, t_max);
     else if (medium.maximum_sigma_t() > 0 && t_max > 0)
-      whole_ = MajorantSegment{0, t_max, medium.maximum_sigma_t()};
+      whole_ = MajorantSegment{0, t_max, medium.maximum_sigma_t(), min_component(medium.homogeneous().sigma_t)};
   }
   /// The next segment, or nothing at the end.
   std::optional<MajorantSegment> next() {
@@ -167,7 +172,7 @@ inline float Medium::density(Vec3 p) const {
 inline Rgb Medium::sigma_t(Vec3 p) const {
   if (kind_ == Kind::kHomogeneous) return unit_.sigma_t;
   if (kind_ == Kind::kGrid) return unit_.sigma_t * density(p);
-  return rgb_.sigma_a_at(p) + rgb_.sigma_s_at(p);
+  return rgb_.sigma_t_of(rgb_.sigma_a_at(p), rgb_.sigma_s_at(p));
 }
 
 }  // namespace woodcock

@@ -25,6 +25,14 @@ inline DenseGrid<float> random_dense(IVec3 size, uint64_t seed, float filled = 0
   return make_dense(size, DVec3(0), DVec3(size), [&](IVec3) { return random.uniform() < filled ? random.uniform() : 0.0f; });
 }
 
+inline std::shared_ptr<const RgbVolume> rgb_volume(IVec3 size, const std::function<Rgb(IVec3)>& value) {
+  RgbVolume grid{size, DVec3(0), DVec3(size), {}};
+  for (int z = 0; z < size.z; ++z)
+    for (int y = 0; y < size.y; ++y)
+      for (int x = 0; x < size.x; ++x) grid.values.push_back(value({x, y, z}));
+  return std::make_shared<const RgbVolume>(std::move(grid));
+}
+
 inline GridMediumDescription grid_medium(FloatVolume density, Rgb sigma_a = Rgb(0.5f), Rgb sigma_s = Rgb(0.5f)) {
   GridMediumDescription d;
   d.sigma_a = sigma_a;
@@ -43,9 +51,9 @@ inline MediumDescription describe(MediumKind kind, const DMat4& world_from_mediu
 }
 
 inline Medium make_medium(MediumKind kind, const DMat4& world_from_medium = DMat4(1), const DMat4& render_from_world = DMat4(1),
-                          double scale = 1) {
+                          double scale = 1, const TransferTerms& terms = {}) {
   std::vector<std::string> notes;
-  return Medium(describe(std::move(kind), world_from_medium), render_from_world, scale, notes);
+  return Medium(describe(std::move(kind), world_from_medium), render_from_world, scale, notes, terms);
 }
 
 /// pbrt-v4's definition of a uniform grid, in double and without any cleverness: at a point of medium space.

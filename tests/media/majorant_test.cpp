@@ -187,6 +187,89 @@ TEST(MajorantGrid, bound_of_random_grids_holds_for_all_brick_sizes_and_transform
   }
 }
 
+/// Bounds from below and above at points of the segments, ends included; how many segments were constant, and how many not.
+struct SegmentKinds {
+  int constant = 0, varying = 0;
+};
+SegmentKinds expect_bounds(const Medium& m, const Ray& ray, Stream& random) {
+  SegmentKinds kinds;
+  MajorantWalk walk(m, ray, kInf);
+  while (const auto s = walk.next()) {
+    EXPECT_GE(s->lower, 0);
+    EXPECT_LE(s->lower, s->sigma);
+    ++(s->lower == s->sigma ? kinds.constant : kinds.varying);
+    for (int j = 0; j < 8; ++j) {
+      const float t = j < 2 ? (j == 0 ? s->t0 : s->t1) : s->t0 + (s->t1 - s->t0) * random.uniform();
+      const Rgb sigma_t = m.sigma_t(ray.at(t));
+      EXPECT_LE(max_component(sigma_t), s->sigma);
+      EXPECT_GE(min_component(sigma_t), s->lower);
+    }
+  }
+  return kinds;
+}
+
+Ray ray_through(const DMat4& render_from_medium, IVec3 size, Stream& random) {
+  const DVec3 a = DVec3(size) * (DVec3(random.uniform(), random.uniform(), random.uniform()) * 2.0 - 0.5);
+  const DVec3 b = DVec3(size) * DVec3(random.uniform(), random.uniform(), random.uniform());
+  const Vec3 o{DVec3(render_from_medium * glm::dvec4(a, 1))};
+  return {o, glm::normalize(Vec3(DVec3(render_from_medium * glm::dvec4(b, 1))) - o)};
+}
+
+TEST(MajorantGrid, lower_bounds_hold_at_every_point_of_every_segment_for_all_brick_sizes) {
+  Stream random(42);
+  for (int i = 0; i < 60; ++i) {
+    const IVec3 size{4 + random.next_u32() % 40, 4 + random.next_u32() % 40, 4 + random.next_u32() % 40};
+    const DenseGrid<float> grid = make_dense(size, DVec3(0), DVec3(size), [&](IVec3) { return 0.25f + random.uniform(); });
+    const DMat4 world = glm::scale(glm::rotate(DMat4(1), 6.28 * random.uniform_double(), glm::normalize(DVec3(1, 2, 3))),
+                                   DVec3(std::exp2(6 * random.uniform_double() - 3)));
+    const Medium m = make_medium(grid_medium(grid, Rgb(0.1f), i % 2 ? Rgb(0.1f, 0.2f, 0.3f) : Rgb(0.2f)), world);
+    SegmentKinds kinds;
+    for (int k = 0; k < 100; ++k) kinds.constant += expect_bounds(m, ray_through(world, size, random), random).constant;
+    EXPECT_EQ(kinds.constant, 0);
+  }
+}
+
+TEST(MajorantGrid, bounds_of_a_brick_of_equal_voxels_are_equal_to_the_bit_and_zero_below_next_to_the_ends) {
+  // Two halves of different density: no brick that reaches the boundary between them, or an end, is constant.
+  const IVec3 size(64, 32, 32);
+  for (const float sigma : {1.0f, 0.3f, 0.01f}) {
+    const Medium m = make_medium(grid_medium(make_dense(size, DVec3(0), DVec3(size), [](IVec3 v) { return v.x < 32 ? 0.7f : 1.3f; }),
+                                             Rgb(sigma), Rgb(0.3f * sigma)));
+    const MajorantGrid& grid = m.majorants();
+    int constant = 0;
+    for (int z = 0; z < grid.size().z; ++z)
+      for (int y = 0; y < grid.size().y; ++y)
+        for (int x = 0; x < grid.size().x; ++x) {
+          const IVec3 b{x, y, z}, first = b * grid.edge() - 1, last = b * grid.edge() + grid.edge();
+          const bool inner = glm::all(glm::greaterThan(first, IVec3(-1))) && glm::all(glm::lessThan(last, size));
+          const bool equal = inner && (last.x < 32 || first.x >= 32);
+          EXPECT_EQ(grid.bound(b) == grid.lower(b), equal);
+          if (!inner) {
+            EXPECT_EQ(grid.lower(b), 0);
+          }
+          if (equal) {
+            EXPECT_EQ(grid.bound(b), m.grey_sigma_t(Vec3(b * grid.edge()) + 1.0f));
+          }
+          constant += equal;
+        }
+    if (sigma > 0.1f) {
+      EXPECT_GT(constant, 0);
+    }
+    Stream random(43);
+    for (int k = 0; k < 300; ++k) expect_bounds(m, ray_through(DMat4(1), size, random), random);
+  }
+}
+
+TEST(MajorantGrid, a_voxel_of_zero_anywhere_in_reach_leaves_no_lower_bound) {
+  for (const IVec3 hole : {IVec3(7, 10, 10), IVec3(12, 12, 12), IVec3(9, 9, 9)}) {
+    const Medium m = make_medium(
+        grid_medium(make_dense(IVec3(24), DVec3(0), DVec3(24), [&](IVec3 v) { return v == hole ? 0.f : 1.f; }), Rgb(1), Rgb(1)));
+    ASSERT_EQ(m.majorants().edge(), 4);
+    EXPECT_EQ(m.majorants().lower(IVec3(2)), 0);
+    EXPECT_EQ(m.majorants().lower(IVec3(3)), hole == IVec3(12) ? 0 : 2);
+  }
+}
+
 TEST(MajorantGrid, N10_optical_depth_over_the_segments_equals_the_exact_sum_along_axes_and_diagonals) {
   const IVec3 size{16, 16, 16};
   const DenseGrid<float> grid = random_dense(size, 5, 0.1f);

@@ -9,14 +9,6 @@
 namespace woodcock {
 namespace {
 
-std::shared_ptr<const RgbVolume> rgb_volume(IVec3 size, const std::function<Rgb(IVec3)>& value) {
-  RgbVolume grid{size, DVec3(0), DVec3(size), {}};
-  for (int z = 0; z < size.z; ++z)
-    for (int y = 0; y < size.y; ++y)
-      for (int x = 0; x < size.x; ++x) grid.values.push_back(value({x, y, z}));
-  return std::make_shared<const RgbVolume>(std::move(grid));
-}
-
 TEST(RgbGridMedium, interpolates_the_coefficients_of_each_channel_as_a_grid_of_its_own) {
   Stream random(1);
   const IVec3 size(4, 5, 3);

@@ -95,7 +95,11 @@ void expect_equal_to_nanovdb(const SparseGrid& grid, const DMat4& world_from_med
     float end = 0;
     while (const auto s = walk.next()) {
       ASSERT_GE(s->t0, end);
-      for (int k = 0; k < 8; ++k) ASSERT_LE(m.grey_sigma_t(o + (s->t0 + (s->t1 - s->t0) * random.uniform()) * d), s->sigma);
+      for (int k = 0; k < 8; ++k) {
+        const float sigma_t = m.grey_sigma_t(o + (s->t0 + (s->t1 - s->t0) * random.uniform()) * d);
+        ASSERT_LE(sigma_t, s->sigma);
+        ASSERT_GE(sigma_t, s->lower);
+      }
       // A gap is empty, up to the rounding of positions next to its ends.
       for (int k = 1; k < 8 && end < s->t0; ++k) ASSERT_LE(m.density(o + (end + (s->t0 - end) * static_cast<float>(k) / 8) * d), 1e-5);
       end = s->t1;
@@ -118,6 +122,39 @@ TEST(SparseMedium, active_tiles_are_filled_with_their_value) {
   EXPECT_EQ(m.density({250, -60, 200}), 0.5f);
   EXPECT_EQ(m.density({255.5f, -60, 200}), 0.5f);  // between two tiles
   EXPECT_EQ(m.density({20, -124, 156}), 0.75f);
+}
+
+TEST(SparseMedium, bricks_inside_of_tiles_are_constant_and_those_at_the_ends_of_the_box_have_no_lower_bound) {
+  openvdb::initialize();
+  auto tree = openvdb::FloatGrid::create(0.5f);  // the background goes on beyond the box, where the medium is zero
+  tree->tree().addTile(2, openvdb::Coord(0, 0, 0), 0.5f, true);
+  for (const float sigma : {1e-4f, 1.0f}) {
+    const Medium m = make_medium(grid_medium(to_sparse(*tree), Rgb(sigma), Rgb(sigma)));
+    const MajorantGrid& grid = m.majorants();
+    // Through the whole box: a first and a last brick that may round to outside, and constant ones in between.
+    for (const DVec3 target : {DVec3(64.3, 60.1, 50.7), DVec3(3.1, 60, 50), DVec3(40, 1, 90)}) {
+      const Vec3 o(-9, 70, 80);
+      const Ray ray{o, glm::normalize(Vec3(target) - o)};
+      MajorantWalk walk(m, ray, kInf);
+      std::vector<MajorantSegment> segments;
+      while (const auto s = walk.next()) segments.push_back(*s);
+      ASSERT_FALSE(segments.empty());
+      EXPECT_EQ(segments.front().lower, 0);
+      EXPECT_EQ(segments.back().lower, 0);
+      int constant = 0;
+      for (const MajorantSegment& s : segments) {
+        constant += s.lower == s.sigma;
+        if (s.lower > 0) {
+          EXPECT_EQ(s.lower, sigma);
+          EXPECT_EQ(m.grey_sigma_t(ray.at(s.t0)), sigma);
+          EXPECT_EQ(m.grey_sigma_t(ray.at(s.t1)), sigma);
+        }
+      }
+      if (grid.edge() == 4) {
+        EXPECT_GT(constant, 0);
+      }
+    }
+  }
 }
 
 TEST(SparseMedium, N55_rotated_and_unevenly_scaled_maps_look_up_the_same_points) {
