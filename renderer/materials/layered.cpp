@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "renderer/materials/fresnel.h"
-#include "renderer/media/phase.h"
+#include "renderer/media/henyey_greenstein.h"
 
 namespace woodcock {
 
@@ -103,7 +103,7 @@ Rgb walk_value(const Coat& coat, const Base& base, Vec3 wo, Vec3 wi, Stream& rng
       walk.beta *= coat.albedo;
       leave_by_connection(Rgb(p), p);
       if (delta_boundary && delta_base) leave_by_mirrors(depth + 1);
-      const HenyeyGreenstein::Sample next = phase.sample(-walk.w, rng.uniform2());
+      const PhaseSample next = phase.sample(-walk.w, rng.uniform2());
       walk.w = glm::normalize(next.wi);
       leave_along_walk(next.pdf, false);
     } else if (event == Walk::Event::kBase) {

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "renderer/scene/colorimetry.h"
+#include "renderer/scene/phase_checks.h"
 #include "renderer/scene/scene_error.h"
 
 namespace woodcock {
@@ -35,9 +36,14 @@ class Checks {
     if (!is_finite(value) || value.x < 0 || value.y < 0 || value.z < 0)
       fail(fmt::format("{} is ({}, {}, {}); it must be finite and not negative", name, value.x, value.y, value.z));
   }
-  float mean_cosine(float g) const {
-    if (!(std::abs(g) < 1)) fail(fmt::format("g is {}; the mean cosine must lie between -1 and 1, both excluded", g));
-    return g;
+  PhaseFunction phase(const PhaseDescription& phase) const {
+    if (const auto fault = phase_fault(phase)) fail("found " + *fault);
+    PhaseFunction result = make_phase_function(phase);
+    constexpr double kSpelling = 1e-3;  // what rounding of the numbers in a file may do
+    if (const auto* table = std::get_if<TabulatedPhase>(&result); table && std::abs(table->given_integral() - 1) > kSpelling)
+      notes_.push_back(fmt::format("medium \"{}\": its phase function integrates to {:.4g} over the sphere and is divided by that",
+                                   description_.name, table->given_integral()));
+    return result;
   }
   /// As many values as voxels: a description read without its payload cannot be compiled.
   template <typename T>
@@ -92,14 +98,14 @@ struct Medium::Builder {
   TransferTerms terms;
   Rgb whole{0};  ///< σa + σs at density 1, whatever the terms
 
-  void set_unit(Rgb sigma_a, Rgb sigma_s, float g) {
+  void set_unit(Rgb sigma_a, Rgb sigma_s, const PhaseDescription& phase) {
     checks.coefficient(sigma_a, "sigma_a");
     checks.coefficient(sigma_s, "sigma_s");
     const Rgb a = sigma_a * inverse_scale, s = sigma_s * inverse_scale;
     whole = a + s;
     medium.unit_sigma_a_ = a;
     medium.unit_ = {(terms.absorption ? a : Rgb(0)) + (terms.out_scattering ? s : Rgb(0)), terms.in_scattering ? s : Rgb(0), Rgb(0)};
-    medium.phase_.g = checks.mean_cosine(g);
+    medium.phase_ = checks.phase(phase);
     medium.grey_ = has_equal_channels(medium.unit_.sigma_t);
   }
 
@@ -111,7 +117,7 @@ struct Medium::Builder {
   }
 
   void operator()(const HomogeneousDescription& d) {
-    set_unit(d.sigma_a, d.sigma_s, d.g);
+    set_unit(d.sigma_a, d.sigma_s, d.phase);
     checks.coefficient(d.emission, "Le");
     if (terms.emission) medium.unit_.emission = medium.unit_sigma_a_ * d.emission;
     medium.maximum_sigma_t_ = max_component(whole);
@@ -138,7 +144,7 @@ struct Medium::Builder {
 
   void operator()(const GridMediumDescription& d) {
     medium.kind_ = Kind::kGrid;
-    set_unit(d.sigma_a, d.sigma_s, d.g);
+    set_unit(d.sigma_a, d.sigma_s, d.phase);
     checks.coefficient(d.emission, "Le");
     if (const auto* dense = std::get_if<DenseGrid<float>>(d.density.get())) {
       const DenseGrid<float> grid = checks.without_negatives(*dense, "density");
@@ -239,7 +245,7 @@ struct Medium::Builder {
 
   void operator()(const RgbGridMediumDescription& d) {
     medium.kind_ = Kind::kRgbGrid;
-    medium.phase_.g = checks.mean_cosine(d.g);
+    medium.phase_ = checks.phase(d.phase);
     checks.coefficient(Rgb(d.scale), "scale");
     checks.coefficient(Rgb(d.emission_scale), "Lescale");
     if (!d.sigma_a && !d.sigma_s) checks.fail("neither sigma_a nor sigma_s is given; an rgbgrid needs one of them");
@@ -282,7 +288,7 @@ struct Medium::Builder {
 
   void operator()(const CloudMediumDescription& d) {
     medium.kind_ = Kind::kGrid;
-    set_unit(d.sigma_a, d.sigma_s, d.g);
+    set_unit(d.sigma_a, d.sigma_s, d.phase);
     for (int i = 0; i < 3; ++i)
       if (!(d.p1[i] > d.p0[i])) checks.fail("the box p0 .. p1 of the cloud is empty");
     const CloudField cloud(d, render_from_medium);

@@ -41,7 +41,7 @@ inline float look_up(const FloatField& field, Vec3 p) {
 /// One medium. Immutable and thread-safe; the same point gives the same bits on every thread.
 class Medium {
  public:
-  /// Throws `SceneError` at the medium's place when a value has no physical meaning (not finite, |g| ≥ 1, σ < 0).
+  /// Throws `SceneError` at the medium's place when a value has no physical meaning (not finite, |g| > 0.9999, σ < 0).
   /// What was read differently than written is appended to `notes`, one sentence each. Only `terms` of the transfer equation
   /// count in what the methods say, except for bounds: these hold for σa + σs, so they bound σs as well.
   Medium(const MediumDescription& description, const DMat4& render_from_world, double scale, std::vector<std::string>& notes,
@@ -68,7 +68,6 @@ class Medium {
   /// σa and σs are `density` times constants: true for all kinds but RGB grids.
   bool is_separable() const { return kind_ != Kind::kRgbGrid; }
 
-  const HenyeyGreenstein& phase() const { return phase_; }
   /// The phase function at a render-space point.
   PhaseMix phase_at(Vec3) const { return PhaseMix(phase_); }
   /// Somewhere σs > 0.
@@ -114,7 +113,7 @@ class Medium {
   float maximum_sigma_t_ = 0;
   MediumPoint unit_;
   Rgb unit_sigma_a_{0};  ///< whether absorption counts or not: emission is σa · Le
-  HenyeyGreenstein phase_;
+  PhaseFunction phase_;
   MajorantGrid majorants_;
   FloatField density_;
   GridEmission emission_;

@@ -151,17 +151,40 @@ struct MaterialDescription {
 
 // --- media ---------------------------------------------------------------------------------------------
 
-/// σ per world unit; `emission` is Le, already scaled. Phase function Henyey-Greenstein with mean cosine g.
+/// Henyey-Greenstein with mean cosine g; isotropic for g = 0.
+struct HenyeyGreensteinDescription {
+  float g = 0;
+};
+/// weight · HG(g) + (1 − weight) · HG(g2).
+struct TwoLobeDescription {
+  float g = 0, g2 = 0, weight = 0.5f;
+};
+/// Draine 2003; Rayleigh scattering for g = 0 and alpha = 1.
+struct DraineDescription {
+  float g = 0, alpha = 1;
+};
+/// Droplets of water (Jendersie & d'Eon 2023).
+struct MieDescription {
+  float droplet_diameter = 20;  ///< micrometres
+};
+/// Values at angles of deflection in degrees, which increase from 0 to 180.
+struct TabulatedPhaseDescription {
+  std::vector<float> angles, values;
+};
+using PhaseDescription =
+    std::variant<HenyeyGreensteinDescription, TwoLobeDescription, DraineDescription, MieDescription, TabulatedPhaseDescription>;
+
+/// σ per world unit; `emission` is Le, already scaled.
 struct HomogeneousDescription {
   Rgb sigma_a{1}, sigma_s{1};
   Rgb emission{0};
-  float g = 0;
+  PhaseDescription phase;
 };
 /// Density × (σa, σs); emission is σa·Le with Le from `emission`, from temperatures, or absent.
 /// Covers uniformgrid and nanovdb (and .vdb). Values outside the grid's box are zero.
 struct GridMediumDescription {
   Rgb sigma_a{1}, sigma_s{1};
-  float g = 0;
+  PhaseDescription phase;
   std::shared_ptr<const FloatVolume> density;
   /// Le = emission × emission_scale × emission_grid(x), and × blackbody_emission(T(x)) (colorimetry.h) where there is a `temperature`.
   Rgb emission{0};
@@ -176,12 +199,12 @@ struct RgbGridMediumDescription {
   std::shared_ptr<const RgbVolume> sigma_a, sigma_s;  ///< absent means 1, as in pbrt-v4
   std::shared_ptr<const RgbVolume> emission;          ///< Le, absent means none
   float emission_scale = 1;
-  float g = 0;
+  PhaseDescription phase;
 };
 /// pbrt-v4's procedural cloud.
 struct CloudMediumDescription {
   Rgb sigma_a{1}, sigma_s{1};
-  float g = 0;
+  PhaseDescription phase;
   float density = 1, wispiness = 1, frequency = 5;
   DVec3 p0{0}, p1{1};
 };

@@ -66,7 +66,7 @@ std::optional<Rgb> read_interior_value(Parameters& parameters, const std::string
 HomogeneousDescription read_interior(Parameters& parameters, float eta) {
   HomogeneousDescription medium;
   const float scale = static_cast<float>(parameters.number_within("scale", 1, 0, 1e30));
-  medium.g = read_asymmetry(parameters);
+  float g = read_asymmetry(parameters);
   const std::string name = parameters.string("name", "");
   const auto sigma_a = read_interior_value(parameters, "sigma_a", SpectrumUse::kUnbounded);
   const auto sigma_s = read_interior_value(parameters, "sigma_s", SpectrumUse::kUnbounded);
@@ -74,9 +74,9 @@ HomogeneousDescription read_interior(Parameters& parameters, float eta) {
   const auto mfp = read_interior_value(parameters, "mfp", SpectrumUse::kUnbounded);
   if (!name.empty()) {
     const ScatteringPreset preset = scattering_preset(name, parameters.place("name"));
-    if (medium.g != 0)
+    if (g != 0)
       parameters.context().warn(parameters.place("g"), "g is taken as 0 with a named medium, whose coefficients are reduced ones");
-    medium.g = 0;
+    g = 0;
     medium.sigma_a = scale * preset.sigma_a;
     medium.sigma_s = scale * preset.sigma_s;
   } else if (sigma_a || sigma_s) {
@@ -90,7 +90,7 @@ HomogeneousDescription read_interior(Parameters& parameters, float eta) {
     for (int c = 0; c < 3; ++c) {
       if (!(free_path[c] > 0))
         throw SceneError(parameters.place("mfp"), "found a mean free path of 0 for " + parameters.directive() + ", expected more than 0");
-      const float albedo = albedo_from_diffuse_reflectance((*reflectance)[c], eta, medium.g);
+      const float albedo = albedo_from_diffuse_reflectance((*reflectance)[c], eta, g);
       medium.sigma_s[c] = albedo / free_path[c];
       medium.sigma_a[c] = (1 - albedo) / free_path[c];
     }
@@ -100,6 +100,7 @@ HomogeneousDescription read_interior(Parameters& parameters, float eta) {
     medium.sigma_a = scale * Rgb(.0011f, .0024f, .014f);
     medium.sigma_s = scale * Rgb(2.55f, 3.21f, 3.77f);
   }
+  medium.phase = HenyeyGreensteinDescription{g};
   return medium;
 }
 

@@ -9,16 +9,6 @@
 
 namespace woodcock {
 
-float read_asymmetry(Parameters& parameters, const std::string& name) {
-  const double g = parameters.number(name, 0);
-  constexpr double kLargest = 0.9999;
-  if (!(std::abs(g) <= kLargest))
-    throw SceneError(parameters.place(name),
-                     "found " + name + " = " + std::to_string(g) + " for " + parameters.directive() +
-                         ", expected a mean cosine from -0.9999 to 0.9999: nearer to 1 scattering is not told from none");
-  return static_cast<float>(g);
-}
-
 namespace {
 
 struct Coefficients {
@@ -55,7 +45,7 @@ HomogeneousDescription read_homogeneous(Parameters& parameters) {
   medium.sigma_a = c.sigma_a;
   medium.sigma_s = c.sigma_s;
   medium.emission = read_emission_scale(parameters) * parameters.color("Le", SpectrumUse::kIlluminant).value_or(Rgb(0));
-  medium.g = read_asymmetry(parameters);
+  medium.phase = read_phase(parameters);
   return medium;
 }
 
@@ -128,7 +118,7 @@ GridMediumDescription read_uniform_grid(Parameters& parameters) {
   const Coefficients c = read_coefficients(parameters);
   medium.sigma_a = c.sigma_a;
   medium.sigma_s = c.sigma_s;
-  medium.g = read_asymmetry(parameters);
+  medium.phase = read_phase(parameters);
   medium.density = read_dense(parameters, "density", box, false);
   if (!medium.density)
     throw SceneError(parameters.where(), "found " + parameters.directive() + " without \"float density\", expected nx * ny * nz values");
@@ -169,7 +159,7 @@ RgbGridMediumDescription read_rgb_grid(Parameters& parameters) {
     throw SceneError(parameters.place("Le"), "found \"Le\" without \"sigma_a\" for " + parameters.directive() + ", expected both");
   medium.scale = static_cast<float>(parameters.number_within("scale", 1, 0, 1e30));
   medium.emission_scale = read_emission_scale(parameters);
-  medium.g = read_asymmetry(parameters);
+  medium.phase = read_phase(parameters);
   return medium;
 }
 
@@ -178,7 +168,7 @@ GridMediumDescription read_volume_file(const std::string& kind, Parameters& para
   const Coefficients c = read_coefficients(parameters);
   medium.sigma_a = c.sigma_a;
   medium.sigma_s = c.sigma_s;
-  medium.g = read_asymmetry(parameters);
+  medium.phase = read_phase(parameters);
   medium.emission_scale = read_emission_scale(parameters);
   read_temperature(parameters, medium);
   const std::string density_name = parameters.string("gridname", "density");
@@ -215,7 +205,7 @@ CloudMediumDescription read_cloud(Parameters& parameters) {
   const Coefficients c = read_coefficients(parameters);
   cloud.sigma_a = c.sigma_a;
   cloud.sigma_s = c.sigma_s;
-  cloud.g = read_asymmetry(parameters);
+  cloud.phase = read_phase(parameters);
   cloud.density = static_cast<float>(parameters.number_within("density", 1, 0, 1e30));
   cloud.wispiness = static_cast<float>(parameters.number_within("wispiness", 1, -1e6, 1e6));
   cloud.frequency = static_cast<float>(parameters.number_within("frequency", 5, -1e6, 1e6));

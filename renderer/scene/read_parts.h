@@ -46,6 +46,8 @@ ReadMaterial read_material(const std::string& kind, Parameters& parameters);
 void refuse_kind(ReadContext& context, const SourceLocation& where, const std::string& what, const std::string& kind,
                  const std::vector<std::string>& supported, const std::vector<std::string>& unsupported);
 
+/// The phase function of a medium: `phase`, and the parameters that belong to the chosen one.
+PhaseDescription read_phase(Parameters& parameters);
 /// Throws unless |g| <= 0.9999: beyond, the phase function cannot be told from a delta in float.
 float read_asymmetry(Parameters& parameters, const std::string& name = "g");
 

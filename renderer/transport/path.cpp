@@ -216,18 +216,20 @@ class Path {
     travelled_ += t;
     if (!first_seen_) see_first(albedo(medium, p), Vec3(0));
     next_vertex();
-    const HenyeyGreenstein& phase = medium.phase();
+    const PhaseMix phase = medium.phase_at(p);
     const Vec3 wo = -ray_.d;
 
     sample_light(p, [&](Vec3 wi, Rgb& value, float& pdf, Ray& shadow, int& shadow_medium) {
-      pdf = phase.eval(wo, wi);
-      value = Rgb(pdf);
+      value = phase.eval(wo, wi);
+      pdf = phase.pdf(wo, wi);
       shadow = {p, wi, ray_.time};
       shadow_medium = medium_;
     });
 
     Stream direction = stream(key_, vertex_, Purpose::kDirection);
-    const auto sample = phase.sample(wo, direction.uniform2());
+    const Vec2 u = direction.uniform2();
+    const auto sample = phase.sample(wo, u, direction.uniform());
+    beta_ *= sample.weight;
     ray_ = {p, sample.wi, ray_.time};
     direction_pdf_ = sample.pdf;
     after_scattering(p);

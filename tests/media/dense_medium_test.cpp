@@ -12,13 +12,13 @@ namespace woodcock {
 namespace {
 
 TEST(HomogeneousMedium, coefficients_are_per_render_unit) {
-  HomogeneousDescription d{{1, 2, 3}, {4, 5, 6}, {7, 8, 9}, 0.5f};
+  HomogeneousDescription d{{1, 2, 3}, {4, 5, 6}, {7, 8, 9}, HenyeyGreensteinDescription{0.5f}};
   const Medium m = make_medium(d, DMat4(1), glm::scale(DMat4(1), DVec3(4)), 4);
   EXPECT_TRUE(m.is_homogeneous());
   EXPECT_EQ(m.homogeneous().sigma_t, Rgb(1.25f, 1.75f, 2.25f));
   EXPECT_EQ(m.homogeneous().sigma_s, Rgb(1, 1.25f, 1.5f));
   EXPECT_EQ(m.homogeneous().emission, Rgb(0.25f * 7, 0.5f * 8, 0.75f * 9));
-  EXPECT_EQ(m.phase().g, 0.5f);
+  EXPECT_EQ(m.phase_at(Vec3(0)).pdf({0, 0, 1}, {1, 0, 0}), HenyeyGreenstein{0.5f}.eval(Vec3(0, 0, 1), {1, 0, 0}));
   EXPECT_TRUE(m.scatters());
   EXPECT_TRUE(m.emits());
   EXPECT_FALSE(m.is_grey());
@@ -47,9 +47,9 @@ TEST(HomogeneousMedium, vacuum_has_no_segments) {
 
 TEST(Medium, values_without_meaning_are_refused_with_their_place) {
   HomogeneousDescription d;
-  d.g = 1;
+  d.phase = HenyeyGreensteinDescription{1};
   EXPECT_THROW(make_medium(d), SceneError);
-  d.g = 0;
+  d.phase = {};
   d.sigma_a.y = -1;
   EXPECT_THROW(make_medium(d), SceneError);
   d.sigma_a.y = std::numeric_limits<float>::quiet_NaN();
@@ -86,7 +86,7 @@ TEST(GridMedium, density_equals_the_slow_reference) {
 TEST(GridMedium, a_constant_grid_equals_the_homogeneous_medium_inside_and_fades_over_the_outer_half_voxel) {
   const Rgb a{0.1f, 0.2f, 0.3f}, s{1, 2, 3};
   const Medium grid = make_medium(grid_medium(make_dense(IVec3(8), DVec3(0), DVec3(8), [](IVec3) { return 1.f; }), a, s));
-  const Medium constant = make_medium(HomogeneousDescription{a, s, Rgb(0), 0});
+  const Medium constant = make_medium(HomogeneousDescription{a, s, Rgb(0), {}});
   Stream random(3);
   for (int i = 0; i < 1000; ++i) {
     const Vec3 p = Vec3(0.5f) + 7.0f * Vec3(random.uniform(), random.uniform(), random.uniform());

@@ -19,13 +19,13 @@ TEST(RgbGridMedium, interpolates_the_coefficients_of_each_channel_as_a_grid_of_i
   d.sigma_s = rgb_volume(size, value);
   d.emission = rgb_volume(size, value);
   d.emission_scale = 0.5f;
-  d.g = 0.25f;
+  d.phase = HenyeyGreensteinDescription{0.25f};
   const Medium m = make_medium(d, DMat4(1), glm::scale(DMat4(1), DVec3(2)), 2);
   EXPECT_TRUE(m.scatters());
   EXPECT_TRUE(m.emits());
   EXPECT_FALSE(m.is_grey());
   EXPECT_FALSE(m.is_separable());
-  EXPECT_EQ(m.phase().g, 0.25f);
+  EXPECT_EQ(m.phase_at(Vec3(4)).pdf({0, 0, 1}, {1, 0, 0}), HenyeyGreenstein{0.25f}.eval(Vec3(0, 0, 1), {1, 0, 0}));
   const auto channel = [&](const RgbVolume& grid, int c, DVec3 p) {
     return reference_density(make_dense(size, DVec3(0), DVec3(size), [&](IVec3 v) { return grid.at(v.x, v.y, v.z)[c]; }), p);
   };

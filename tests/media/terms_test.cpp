@@ -28,7 +28,7 @@ std::vector<MediumKind> kinds() {
   cloud.sigma_a = a;
   cloud.sigma_s = s;
   cloud.p1 = DVec3(12);
-  return {HomogeneousDescription{a, s, Rgb(3), 0}, grid, rgb, cloud};
+  return {HomogeneousDescription{a, s, Rgb(3), {}}, grid, rgb, cloud};
 }
 
 TEST(Terms, each_leaves_out_exactly_its_own_part_of_the_coefficients) {
@@ -81,7 +81,7 @@ TEST(Terms, upper_bounds_hold_for_the_whole_extinction_and_lower_ones_for_what_i
 }
 
 TEST(Terms, extinction_is_grey_where_what_counts_of_it_is) {
-  const HomogeneousDescription d{Rgb(2), Rgb(1, 2, 3), Rgb(0), 0};
+  const HomogeneousDescription d{Rgb(2), Rgb(1, 2, 3), Rgb(0), {}};
   EXPECT_FALSE(make_medium(d).is_grey());
   EXPECT_TRUE(make_medium(d, DMat4(1), DMat4(1), 1, {true, true, false, true}).is_grey());
   RgbGridMediumDescription rgb;
@@ -93,7 +93,7 @@ TEST(Terms, extinction_is_grey_where_what_counts_of_it_is) {
 
 TEST(Terms, media_honour_the_settings_of_the_scene) {
   SceneDescription scene;
-  scene.media.push_back(describe(HomogeneousDescription{Rgb(1), Rgb(2), Rgb(4), 0}));
+  scene.media.push_back(describe(HomogeneousDescription{Rgb(1), Rgb(2), Rgb(4), {}}));
   scene.settings.terms = {true, false, false, true};
   const Media media(scene, DMat4(1), 1);
   EXPECT_EQ(media[0].homogeneous().sigma_t, Rgb(1));

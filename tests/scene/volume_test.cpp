@@ -32,7 +32,7 @@ TEST(Media, HomogeneousDefaultsAndScalesArePbrts) {
   EXPECT_EQ(scaled.sigma_a, Rgb(2, 4, 6));
   EXPECT_EQ(scaled.sigma_s, Rgb(0, 2, 0));
   EXPECT_EQ(scaled.emission, Rgb(4, 0, 0));
-  EXPECT_EQ(scaled.g, -.5f);
+  EXPECT_EQ(std::get<HenyeyGreensteinDescription>(scaled.phase).g, -.5f);
   EXPECT_EQ(medium<HomogeneousDescription>("\"homogeneous\" \"string preset\" \"Wholemilk\"").sigma_s, Rgb(2.55f, 3.21f, 3.77f));
 }
 
@@ -44,6 +44,66 @@ TEST(Media, ImpossibleOnesAreRefused) {
   EXPECT_THAT(medium_error("\"homogeneous\" \"string preset\" \"milk\""), HasSubstr("Wholemilk"));
   EXPECT_THAT(world_error("MakeNamedMedium \"m\""), HasSubstr("without \"string type\""));
   EXPECT_THAT(world_error("MakeNamedMedium \"\" \"string type\" \"homogeneous\""), HasSubstr("vacuum"));
+}
+
+template <typename Phase>
+Phase phase(const std::string& text) {
+  return std::get<Phase>(medium<HomogeneousDescription>("\"homogeneous\" \"string phase\" " + text).phase);
+}
+std::string phase_error(const std::string& text) { return medium_error("\"homogeneous\" \"string phase\" " + text); }
+
+TEST(PhaseFunctions, AreReadByName) {
+  EXPECT_EQ(phase<HenyeyGreensteinDescription>("\"henyeygreenstein\" \"float g\" -.25").g, -.25f);
+  EXPECT_EQ(phase<HenyeyGreensteinDescription>("\"isotropic\"").g, 0);
+  const auto lobes = phase<TwoLobeDescription>("\"twolobe\" \"float g\" .9 \"float g2\" -.3 \"float lobeweight\" .75");
+  EXPECT_EQ(lobes.g, .9f);
+  EXPECT_EQ(lobes.g2, -.3f);
+  EXPECT_EQ(lobes.weight, .75f);
+  const auto rayleigh = phase<DraineDescription>("\"rayleigh\"");
+  EXPECT_EQ(rayleigh.g, 0);
+  EXPECT_EQ(rayleigh.alpha, 1);
+  const auto draine = phase<DraineDescription>("\"draine\" \"float g\" .5 \"float alpha\" 7");
+  EXPECT_EQ(draine.g, .5f);
+  EXPECT_EQ(draine.alpha, 7);
+  EXPECT_EQ(phase<MieDescription>("\"mie\" \"float dropletdiameter\" 12.5").droplet_diameter, 12.5f);
+  const auto table = phase<TabulatedPhaseDescription>("\"tabulated\" \"float phaseangles\" [0 20 180] \"float phasevalues\" [3 1 .5]");
+  EXPECT_EQ(table.angles, (std::vector<float>{0, 20, 180}));
+  EXPECT_EQ(table.values, (std::vector<float>{3, 1, .5f}));
+}
+
+TEST(PhaseFunctions, AreTakenByMediaOfEveryType) {
+  const std::string mie = " \"string phase\" \"mie\" \"float dropletdiameter\" 8";
+  EXPECT_TRUE(std::holds_alternative<MieDescription>(medium<HomogeneousDescription>("\"homogeneous\"" + mie).phase));
+  EXPECT_TRUE(std::holds_alternative<MieDescription>(medium<CloudMediumDescription>("\"cloud\"" + mie).phase));
+  EXPECT_TRUE(std::holds_alternative<MieDescription>(medium<GridMediumDescription>("\"uniformgrid\" \"float density\" 1" + mie).phase));
+  EXPECT_TRUE(std::holds_alternative<MieDescription>(medium<RgbGridMediumDescription>("\"rgbgrid\" \"rgb sigma_s\" [1 1 1]" + mie).phase));
+}
+
+TEST(PhaseFunctions, ParametersOfAnotherOneAreUnknown) {
+  EXPECT_THAT(phase_error("\"isotropic\" \"float g\" 0"), HasSubstr("unknown parameter \"float g\""));
+  EXPECT_THAT(phase_error("\"rayleigh\" \"float alpha\" 1"), HasSubstr("unknown parameter \"float alpha\""));
+  EXPECT_THAT(phase_error("\"henyeygreenstein\" \"float g2\" 0"), HasSubstr("unknown parameter \"float g2\""));
+  EXPECT_THAT(phase_error("\"mie\" \"float dropletdiameter\" 8 \"float g\" 0"), HasSubstr("unknown parameter \"float g\""));
+  EXPECT_THAT(medium_error("\"homogeneous\" \"float lobeweight\" 1"), HasSubstr("unknown parameter \"float lobeweight\""));
+}
+
+TEST(PhaseFunctions, ImpossibleOnesAreRefusedWithTheirPlace) {
+  EXPECT_THAT(phase_error("\"hg\""), HasSubstr("henyeygreenstein"));
+  EXPECT_THAT(phase_error("\"twolobe\" \"float g2\" -1"), AllOf(StartsWith("test.pbrt:2:"), HasSubstr("g2"), HasSubstr("0.9999")));
+  EXPECT_THAT(phase_error("\"twolobe\" \"float lobeweight\" 1.5"), HasSubstr("lobeweight"));
+  EXPECT_THAT(phase_error("\"draine\" \"float alpha\" -1"), HasSubstr("alpha"));
+  EXPECT_THAT(phase_error("\"mie\""), HasSubstr("dropletdiameter"));
+  EXPECT_THAT(phase_error("\"mie\" \"float dropletdiameter\" 4"), HasSubstr("from 5"));
+  EXPECT_THAT(phase_error("\"mie\" \"float dropletdiameter\" 51"), HasSubstr("to 50"));
+  const auto table = [](const std::string& angles, const std::string& values) {
+    return phase_error("\"tabulated\" \"float phaseangles\" [" + angles + "] \"float phasevalues\" [" + values + "]");
+  };
+  EXPECT_THAT(phase_error("\"tabulated\""), HasSubstr("0 phaseangles"));
+  EXPECT_THAT(table("0 90 180", "1 1"), HasSubstr("3 phaseangles and 2 phasevalues"));
+  EXPECT_THAT(table("0 170", "1 1"), HasSubstr("from 0 to 170"));
+  EXPECT_THAT(table("0 90 90 180", "1 1 1 1"), HasSubstr("increase"));
+  EXPECT_THAT(table("0 90 180", "1 -1 1"), HasSubstr("-1"));
+  EXPECT_THAT(table("0 90 180", "0 0 0"), HasSubstr("zeros"));
 }
 
 TEST(Media, UniformGridsKeepXFastest) {

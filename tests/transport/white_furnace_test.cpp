@@ -79,6 +79,20 @@ std::vector<Furnace> furnaces() {
       "MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"integer nx\" 2 \"integer ny\" 3 \"integer nz\" 2 \"rgb sigma_a\" [ 0 0 "
       "0 ]\n \"rgb sigma_s\" [ 3 3 3 ] \"point3 p0\" [ -1 -1 -1 ] \"point3 p1\" [ 1 1 1 ] \"float density\" [ 0 4 1 0 0 9 0 0 2 0 .1 0 ]\n",
       interface);
+  const auto with_phase = [&](const std::string& name, const std::string& phase) {
+    in_ball(name,
+            "MakeNamedMedium \"m\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [ 0 0 0 ] \"rgb sigma_s\" [ 2 2 2 ] \"string phase\" " +
+                phase + "\n",
+            interface);
+    all.back().samples = 30000;
+    all.back().resolution = 5e-3;
+  };
+  with_phase("Isotropic", "\"isotropic\"");
+  with_phase("TwoLobes", "\"twolobe\" \"float g\" 0.8 \"float g2\" -0.5 \"float lobeweight\" 0.6");
+  with_phase("Rayleigh", "\"rayleigh\"");
+  with_phase("Draine", "\"draine\" \"float g\" 0.5 \"float alpha\" 20");
+  with_phase("Mie", "\"mie\" \"float dropletdiameter\" 10");
+  with_phase("Tabulated", "\"tabulated\" \"float phaseangles\" [ 0 10 90 180 ] \"float phasevalues\" [ 3 0.2 0 0.1 ]");
   in_ball("MediumInGlass", homogeneous("m", none, sigma), glass);
   in_ball("GridInGlass", constant_grid("m", none, sigma, half), glass);
   in_ball("MediumInRoughGlass", homogeneous("m", none, sigma),
