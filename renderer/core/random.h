@@ -75,10 +75,12 @@ struct PathKey {
   uint64_t key;
 };
 
+/// Where a path splits in several, each goes on with numbers of its own. Branch 0 is the path itself.
+inline PathKey branch_key(PathKey path, uint32_t branch) { return {branch == 0 ? path.key : hash_combine(path.key, branch)}; }
+
 inline PathKey path_key(uint64_t frame_seed, uint32_t x, uint32_t y, uint64_t sample, uint32_t branch = 0) {
   uint64_t h = hash_combine(frame_seed, (static_cast<uint64_t>(y) << 32) | x);
-  h = hash_combine(h, sample);
-  return {branch == 0 ? h : hash_combine(h, branch)};
+  return branch_key({hash_combine(h, sample)}, branch);
 }
 
 /// The stream of one purpose at one path vertex. Vertex 0 is the camera; interfaces and null collisions

@@ -78,6 +78,7 @@ FrameRenderer::FrameRenderer(const std::string& scene_path, const FrameSettings&
   impl_->path.plan = settings.plan;
   impl_->path.paper = {estimator.estimator->step ? checked_step(estimator.step, *impl_->world) : 0, estimator.directions,
                        estimator.branching};
+  impl_->path.terms = estimator.terms;
   impl_->radiance = estimator.estimator->radiance;
 }
 

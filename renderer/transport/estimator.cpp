@@ -5,9 +5,16 @@
 #include <set>
 
 #include "renderer/scene/scene_error.h"
+#include "renderer/transport/line.h"
+#include "renderer/transport/march.h"
+#include "renderer/transport/uniform_path.h"
+#include "renderer/transport/woodcock.h"
 
 namespace woodcock {
 namespace {
+
+constexpr const char* kMarchBias =
+    "where extinction varies the optical depth is a sum over steps, and the exponential of an estimate is too large on average";
 
 constexpr std::array kEstimators{
     EstimatorInfo{
@@ -21,6 +28,61 @@ constexpr std::array kEstimators{
         .samples_lights = true,
         .media_scatter = true,
         .radiance = trace_path},
+    EstimatorInfo{
+        .name = "uniform-path",
+        .summary = "path tracing with uniform directions at surfaces and no light sampling; media may absorb and emit",
+        .formula = "L0 = Le + (2 pi/N) sum_j f |cos theta_j| L(w_j), w_j uniform on the hemisphere, N of them at the first bounce",
+        .source = "Kajiya 1986; Ka 2020, section 1",
+        .bias = "",
+        .directions = "",
+        .branching = true,
+        .radiance = trace_uniform_path},
+    EstimatorInfo{.name = "march",
+                  .summary = "fixed steps D along a ray, uniform directions at each",
+                  .formula = "L = sum_i D T(y_i) [sigma_a Le + sigma_s (4 pi/N) sum_j f L(w_j)] + T(z) L0, w_j uniform on the sphere",
+                  .source = "Ka 2020, section 2, algorithm 3",
+                  .bias = kMarchBias,
+                  .directions = "directions a step on the first ray that scatters; one a ray after that",
+                  .step = true,
+                  .media_scatter = true,
+                  .radiance = trace_march},
+    EstimatorInfo{
+        .name = "line",
+        .summary = "free-flight distances s_i by root finding on the marched optical depth, n on one march; phase-sampled directions",
+        .formula = "L = (1/n) [sum_{s_i < z} (sigma_a Le + sigma_s L(w'))/sigma_t + (n - inside) L0], tau(s_i) = -ln(1 - xi_i)",
+        .source = "Ka 2020, algorithms 1 and 2",
+        .bias = kMarchBias,
+        .directions = "distances n on the first ray that scatters; one a ray after that",
+        .step = true,
+        .media_scatter = true,
+        .radiance = trace_line},
+    EstimatorInfo{.name = "march-phase",
+                  .summary = "fixed steps D along a ray, directions from the phase function at each",
+                  .formula = "L = sum_i D T(y_i) [sigma_a Le + (sigma_s/N) sum_j L(w_j)] + T(z) L0, w_j from the phase function",
+                  .source = "Ka 2020, algorithm 5, equations 12 and 13",
+                  .bias = kMarchBias,
+                  .directions = "directions a step on the first ray that scatters; one a ray after that",
+                  .step = true,
+                  .media_scatter = true,
+                  .radiance = trace_march_phase},
+    EstimatorInfo{
+        .name = "woodcock",
+        .summary = "Woodcock tracking with one majorant for the whole medium, uniform directions",
+        .formula = "L = [sigma_a Le + sigma_s 4 pi f L(w')]/sigma_t at s < z with density sigma_t T, else L0; w' uniform on the sphere",
+        .source = "Woodcock et al. 1965; Ka 2020, section 3.1, algorithm 4",
+        .bias = "",
+        .directions = "",
+        .media_scatter = true,
+        .radiance = trace_woodcock},
+    EstimatorInfo{
+        .name = "woodcock-phase",
+        .summary = "Woodcock tracking with one majorant for the whole medium, directions from the phase function",
+        .formula = "L = [sigma_a Le + sigma_s L(w')]/sigma_t at s < z with density sigma_t T, else L0; w' from the phase function",
+        .source = "Woodcock et al. 1965; Ka 2020, section 3.2, equations 12 and 13",
+        .bias = "",
+        .directions = "",
+        .media_scatter = true,
+        .radiance = trace_woodcock_phase},
 };
 
 /// What a light without extent is called; null for lights that rays can meet, and for those that do not shine.

@@ -33,6 +33,7 @@ struct PathSettings {
   bool full_kernel = false;  ///< run the kernel with every effect compiled in; the same bits
   bool plan = true;          ///< off: the general algorithm, without what was found out about the scene
   PaperSettings paper;
+  TransferTerms terms;  ///< that the world's media were compiled with
 };
 
 /// Vertices between two looks at PathSettings::watch; a power of two.

@@ -1,0 +1,35 @@
+// Where along a ray a medium can be.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "renderer/media/medium.h"
+
+namespace woodcock {
+
+/// A part of a ray, in render units; empty where end ≤ begin.
+struct Extent {
+  double begin = 0, end = 0;
+};
+
+/// The part of ray.at(0 … t_max) that lies in the box of a grid; all of it where the medium is homogeneous. In double, so that a
+/// march over it meets the same points whatever the scene's size.
+inline Extent extent_of(const Medium& medium, const Ray& ray, float t_max) {
+  Extent extent{0, static_cast<double>(t_max)};
+  if (medium.is_homogeneous()) return extent;
+  const CellBox& box = medium.majorants().box();
+  const DVec3 o = medium.majorants().map().point_exact(DVec3(ray.o)), d = medium.majorants().map().vector_exact(DVec3(ray.d));
+  for (int i = 0; i < 3; ++i) {
+    if (d[i] == 0) {
+      if (o[i] < box.lower[i] || o[i] > box.upper[i]) return {};
+      continue;
+    }
+    const double a = (box.lower[i] - o[i]) / d[i], b = (box.upper[i] - o[i]) / d[i];
+    extent.begin = std::max(extent.begin, std::min(a, b));
+    extent.end = std::min(extent.end, std::max(a, b));
+  }
+  return extent;
+}
+
+}  // namespace woodcock

@@ -1,0 +1,149 @@
+#include "renderer/transport/line.h"
+
+#include <cmath>
+
+#include "renderer/transport/ray_steps.h"
+
+namespace woodcock {
+namespace {
+
+/// The numbers of one ray: they go on across boundaries and specular surfaces.
+class Targets {
+ public:
+  explicit Targets(int n) : n_(n) {}
+
+  int left() const { return n_ - taken_; }
+  /// The depth at which the next distance lies, −ln(1 − ξ), from the start of the ray.
+  double next_depth(Stream& random) {
+    if (!drawn_) {
+      depth_ = -std::log1p(-(taken_ + random.uniform_double()) / n_);
+      drawn_ = true;
+    }
+    return depth_;
+  }
+  void take() {
+    ++taken_;
+    drawn_ = false;
+  }
+
+ private:
+  int n_, taken_ = 0;
+  bool drawn_ = false;
+  double depth_ = 0;
+};
+
+/// What one ray carries from segment to segment.
+struct LineRay {
+  uint32_t vertex;  ///< where it began; another one means another ray
+  Targets targets;
+  int channel;        ///< whose depth is inverted
+  DVec3 share;        ///< of the channels in the mixture, given that the ray came here
+  double passed = 0;  ///< depth in that channel up to the current segment
+};
+
+class Line {
+ public:
+  explicit Line(WalkSample& sample) : sample_(sample) {}
+
+  void follow_all(const Walk& w) {
+    LineRay ray = begin(w, w.first ? sample_.settings.paper.directions : 1);
+    follow(sample_, w, 1, [this, &ray](Walk& walk, const std::optional<Hit>& hit) {
+      if (walk.vertex != ray.vertex && !walk.first) ray = begin(walk, 1);
+      return fly(walk, hit, ray);
+    });
+  }
+
+ private:
+  static LineRay begin(const Walk& w, int n) {
+    const DVec3 share = DVec3(w.beta) / (static_cast<double>(w.beta.r) + static_cast<double>(w.beta.g) + static_cast<double>(w.beta.b));
+    const double u = stream(w.key, w.vertex, Purpose::kHeroChannel).uniform_double();
+    const int channel = u < share.r ? 0 : (u < share.r + share.g || !(share.b > 0) ? 1 : 2);
+    return {w.vertex, Targets(n), channel, share};
+  }
+
+  /// What is added to σt so that distances are found wherever there are sources: 0 but for terms that are left out.
+  double added_extinction(const Medium& medium, bool scatters) const {
+    const TransferTerms& terms = sample_.settings.terms;
+    const bool hidden = (medium.emits() && !terms.absorption) || (scatters && !terms.out_scattering);
+    return hidden ? static_cast<double>(medium.maximum_sigma_t()) : 0;
+  }
+
+  Flight fly(Walk& w, const std::optional<Hit>& hit, LineRay& ray) {
+    const Medium& medium = sample_.world.media[w.medium];
+    const float z = hit ? static_cast<float>(hit->t) : kInf;
+    const bool scatters = medium.scatters() && sample_.may_scatter(w);
+    if (diverges(medium, z, w, scatters)) return sample_.diverge();
+    if (!medium.attenuates() && !medium.emits() && !scatters) return Flight::kThrough;
+    const double added = added_extinction(medium, scatters);
+    const int h = ray.channel, n = ray.targets.left();
+    const Rgb beta = w.beta;
+    if (medium.is_homogeneous() && z == kInf && medium.homogeneous().sigma_t[h] == 0 && added == 0) {
+      // A march in this channel would not end. What is left at infinity is the channels without extinction.
+      const Rgb through(glm::equal(medium.homogeneous().sigma_t, Rgb(0)));
+      w.beta *= through / static_cast<float>(glm::dot(ray.share, DVec3(through)));
+      return Flight::kThrough;
+    }
+    RaySteps steps(sample_, medium, w.ray, z, sample_.settings.paper.step, w.flight.uniform());
+    double marched = 0;  // ∫ κ from the segment's start in channel h, κ = σt + added
+    while (steps.next()) {
+      const double kappa = static_cast<double>(steps.point().sigma_t[h]) + added;
+      const double end = marched + kappa * steps.length();
+      while (ray.passed + end > ray.targets.next_depth(w.flight)) {
+        // One step back: (T − T₁)/σt.
+        const double back = (ray.passed + end - ray.targets.next_depth(w.flight)) / kappa;
+        const double in_cell = std::clamp(steps.length() - back, 0.0, steps.length()), s = steps.begin() + in_cell;
+        ray.targets.take();
+        const MediumPoint m = sample_.look_up(medium, w.ray.at(static_cast<float>(s)));
+        const Rgb relative = relative_transmittance(steps.begin_depth() + DVec3(steps.point().sigma_t) * in_cell, h);
+        const double density = n * glm::dot(ray.share, DVec3(relative) * (DVec3(m.sigma_t) + added));
+        const Rgb weight = density > 0 ? relative * static_cast<float>(std::exp(added * (s - steps.entry())) / density) : Rgb(0);
+        w.beta = beta;
+        sample_.see(w, w.unseen / static_cast<float>(n), albedo(m), Vec3(0), s);
+        sample_.add(w, weight * m.emission);
+        const bool last = ray.targets.left() == 0;
+        const bool goes_on =
+            scatters && scatter(w, medium, weight * m.sigma_s, point_before(sample_.world, w.ray, static_cast<float>(s), hit), last);
+        if (last) return goes_on ? Flight::kScattered : Flight::kOver;
+      }
+      marched = end;
+    }
+    if (sample_.stopped) return Flight::kOver;
+    // (n − inside)/n L₀, by the mixture of the channels' probabilities to get through.
+    const Rgb relative = relative_transmittance(steps.end_depth(), h);
+    const DVec3 density = ray.share * DVec3(relative);
+    const double mixture = density.x + density.y + density.z, left = static_cast<double>(ray.targets.left()) / n;
+    ray.share = density / mixture;
+    ray.passed += marched;
+    w.beta = beta * relative * static_cast<float>(std::exp(added * (steps.begin() - steps.entry())) * left / mixture);
+    w.unseen *= static_cast<float>(left);
+    return is_black(w.beta) ? Flight::kOver : Flight::kThrough;
+  }
+
+  /// exp(−τ_c)/exp(−τ_h): where each is too small for a float, the quotient is right.
+  static Rgb relative_transmittance(DVec3 depth, int h) { return Rgb(glm::exp(DVec3(depth[h]) - depth)); }
+
+  /// The last distance of a ray is followed by the walk itself, the others by branches. True where the walk goes on.
+  bool scatter(Walk& w, const Medium& medium, Rgb weight, Vec3 p, bool last) {
+    if (is_black(weight)) return false;
+    if (last) {
+      w.beta *= weight;
+      return scatter_by_phase(sample_, w, medium, p);
+    }
+    Walk branch = sample_.branch(w, weight);
+    if (scatter_by_phase(sample_, branch, medium, p)) follow_all(branch);
+    return false;
+  }
+
+  WalkSample& sample_;
+};
+
+}  // namespace
+
+PathResult trace_line(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
+  ++count.paths;
+  WalkSample sample{world, settings, count};
+  Line(sample).follow_all(Walk(ray, world.camera_medium, key));
+  return sample.result;
+}
+
+}  // namespace woodcock

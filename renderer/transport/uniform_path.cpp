@@ -1,0 +1,53 @@
+#include "renderer/transport/uniform_path.h"
+
+#include <cmath>
+
+#include "renderer/transport/tentative_collisions.h"
+#include "renderer/transport/walk.h"
+
+namespace woodcock {
+namespace {
+
+/// ∫₀ᵗ e^(−σ s) ds = (1 − e^(−σ t))/σ per channel; t where σ = 0.
+Rgb attenuated_length(Rgb sigma, float t) {
+  Rgb length;
+  for (int c = 0; c < 3; ++c) {
+    const double s = static_cast<double>(sigma[c]);
+    length[c] = static_cast<float>(s > 0 ? -std::expm1(-s * t) / s : static_cast<double>(t));
+  }
+  return length;
+}
+
+/// At each tentative collision under the majorant σ̄ the path gains σa Le/σ̄ and keeps 1 − σt/σ̄ of its weight.
+Flight pass(WalkSample& sample, Walk& w, const std::optional<Hit>& hit) {
+  const Medium& medium = sample.world.media[w.medium];
+  const float z = hit ? static_cast<float>(hit->t) : kInf;
+  if (diverges(medium, z, w, false)) return sample.diverge();
+  if (medium.is_homogeneous()) {
+    const MediumPoint& m = medium.homogeneous();
+    if (medium.emits()) sample.add(w, m.emission * attenuated_length(m.sigma_t, z));
+    w.beta *= attenuation(m.sigma_t, z);
+  } else if (medium.emits()) {
+    TentativeCollisions collisions(medium, w.ray, z, w.flight);
+    while (collisions.next() && !sample.stopped) {
+      const MediumPoint m = sample.look_up(medium, w.ray.at(collisions.t()));
+      sample.add(w, m.emission / collisions.majorant());
+      w.beta *= glm::max(Rgb(0), Rgb(1) - m.sigma_t / collisions.majorant());
+    }
+  } else if (medium.attenuates()) {
+    w.beta *= estimate_transmittance(medium, w.ray, z, w.flight, sample.count);
+  }
+  return is_black(w.beta) ? Flight::kOver : Flight::kThrough;
+}
+
+}  // namespace
+
+PathResult trace_uniform_path(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
+  ++count.paths;
+  WalkSample sample{world, settings, count};
+  follow(sample, Walk(ray, world.camera_medium, key), settings.paper.branching,
+         [&](Walk& w, const std::optional<Hit>& hit) { return pass(sample, w, hit); });
+  return sample.result;
+}
+
+}  // namespace woodcock
