@@ -7,6 +7,7 @@
 
 #include <cstdint>
 
+#include "renderer/core/sobol.h"
 #include "renderer/core/vec.h"
 
 namespace woodcock {
@@ -44,10 +45,18 @@ inline uint64_t hash_combine(uint64_t h, uint64_t value) { return mix64(h ^ (val
 /// The seed of one frame of a job: hash(job seed, frame number).
 inline uint64_t frame_seed(uint64_t seed, uint64_t frame) { return hash_combine(hash_combine(0x576f6f64636f636bULL, seed), frame); }
 
-/// A sequence of independent uniform numbers, one draw after the other (SplitMix64, Steele et al. 2014).
+/// The point of a low-discrepancy sequence that takes the place of a stream's first draw.
+struct LeadingPoint {
+  uint64_t sequence = 0;  ///< names the sequence
+  uint32_t index = 0;
+  bool given = false;
+};
+
+/// A sequence of independent uniform numbers, one draw after the other (SplitMix64, Steele et al. 2014). With a leading
+/// point the first draw, whatever its kind, is that point, or its first coordinate.
 class Stream {
  public:
-  explicit Stream(uint64_t state) : state_(state) {}
+  explicit Stream(uint64_t state, LeadingPoint leading = {}) : state_(state), leading_(leading) {}
 
   uint64_t next_u64() {
     state_ += 0x9e3779b97f4a7c15ULL;
@@ -56,10 +65,15 @@ class Stream {
   uint32_t next_u32() { return static_cast<uint32_t>(next_u64() >> 32); }
 
   /// Uniform in [0, 1): a multiple of 2^-24, so it is never 1 and 1 − u is never 0.
-  float uniform() { return static_cast<float>(next_u64() >> 40) * 0x1p-24f; }
-  /// Uniform in [0, 1) with 53 random bits.
-  double uniform_double() { return static_cast<double>(next_u64() >> 11) * 0x1p-53; }
+  float uniform() { return leading_.given ? take_leading().x : static_cast<float>(next_u64() >> 40) * 0x1p-24f; }
+  /// Uniform in [0, 1): a multiple of 2^-53. A leading point gives the first 24 binary digits, the stream the rest.
+  double uniform_double() {
+    const uint64_t u = next_u64();
+    if (leading_.given) return static_cast<double>(take_leading().x) + static_cast<double>(u >> 35) * 0x1p-53;
+    return static_cast<double>(u >> 11) * 0x1p-53;
+  }
   Vec2 uniform2() {
+    if (leading_.given) return take_leading();
     const uint64_t u = next_u64();
     return {static_cast<float>(u >> 40) * 0x1p-24f, static_cast<float>((u >> 8) & 0xffffff) * 0x1p-24f};
   }
@@ -67,26 +81,53 @@ class Stream {
   float exponential() { return static_cast<float>(-std::log1p(-uniform_double())); }
 
  private:
+  Vec2 take_leading() {
+    leading_.given = false;
+    return sobol_point(leading_.index, leading_.sequence);
+  }
+
   uint64_t state_;
+  LeadingPoint leading_;
 };
 
 /// Identifies one camera path; streams are derived from it.
 struct PathKey {
   uint64_t key;
+  /// Where low-discrepancy numbers are wanted: names this pixel's replicate, and the sample's place in it. Sequences are
+  /// scrambled for each pixel and replicate by themselves, so that replicates stay independent.
+  uint64_t replicate = 0;
+  uint32_t index = 0;
+  bool low_discrepancy = false;
 };
 
-/// Where a path splits in several, each goes on with numbers of its own. Branch 0 is the path itself.
-inline PathKey branch_key(PathKey path, uint32_t branch) { return {branch == 0 ? path.key : hash_combine(path.key, branch)}; }
+/// Sample i belongs to replicate i mod kReplicates. Errors are estimated between replicates.
+inline constexpr int kReplicates = 8;
+/// Leading points serve the first vertices of a path; later ones depend on too much for evenness to help.
+inline constexpr uint32_t kLeadingVertices = 4;
 
-inline PathKey path_key(uint64_t frame_seed, uint32_t x, uint32_t y, uint64_t sample, uint32_t branch = 0) {
-  uint64_t h = hash_combine(frame_seed, (static_cast<uint64_t>(y) << 32) | x);
-  return branch_key({hash_combine(h, sample)}, branch);
+/// Where a path splits in several, each goes on with numbers of its own. Branch 0 is the path itself.
+inline PathKey branch_key(PathKey path, uint32_t branch) { return branch == 0 ? path : PathKey{hash_combine(path.key, branch)}; }
+
+inline PathKey path_key(uint64_t frame_seed, uint32_t x, uint32_t y, uint64_t sample, uint32_t branch = 0, bool low_discrepancy = false) {
+  const uint64_t pixel = hash_combine(frame_seed, (static_cast<uint64_t>(y) << 32) | x);
+  PathKey key = branch_key({hash_combine(pixel, sample)}, branch);
+  if (low_discrepancy && branch == 0) {
+    // Behind 2³² samples of a replicate a new sequence begins.
+    const uint64_t place = sample / kReplicates;
+    key.replicate = hash_combine(hash_combine(pixel, 0x536f626f6cULL + sample % kReplicates), place >> 32);
+    key.index = static_cast<uint32_t>(place);
+    key.low_discrepancy = true;
+  }
+  return key;
 }
 
 /// The stream of one purpose at one path vertex. Vertex 0 is the camera; interfaces and null collisions
 /// do not advance the vertex.
 inline Stream stream(PathKey path, uint32_t vertex, Purpose purpose) {
-  return Stream(hash_combine(path.key, (static_cast<uint64_t>(vertex) << 32) | static_cast<uint32_t>(purpose)));
+  const uint64_t place = (static_cast<uint64_t>(vertex) << 32) | static_cast<uint32_t>(purpose);
+  LeadingPoint leading;
+  if (path.low_discrepancy && vertex < kLeadingVertices) leading = {hash_combine(path.replicate, place), path.index, true};
+  return Stream(hash_combine(path.key, place), leading);
 }
 
 }  // namespace woodcock

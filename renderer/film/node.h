@@ -20,12 +20,11 @@
 #include <cstdint>
 #include <limits>
 
+#include "renderer/core/random.h"
 #include "renderer/core/vec.h"
 
 namespace woodcock {
 
-/// Sample i belongs to replicate i mod kReplicates. Errors are estimated between replicates.
-inline constexpr int kReplicates = 8;
 /// Nodes of this level hold a sample of every replicate: 2^kReplicateLevel = kReplicates.
 inline constexpr int kReplicateLevel = 3;
 

@@ -49,6 +49,7 @@ struct FrameRenderer::Impl {
   FrameHeader header;
   std::unique_ptr<const World> world;
   PathSettings path;
+  bool low_discrepancy = false;  ///< leading points of paths
   RadianceFunction radiance = nullptr;
 };
 
@@ -79,7 +80,8 @@ FrameRenderer::FrameRenderer(const std::string& scene_path, const FrameSettings&
   impl_->path.paper = {estimator.estimator->step ? checked_step(estimator.step, *impl_->world) : 0, estimator.directions,
                        estimator.branching};
   impl_->path.terms = estimator.terms;
-  impl_->radiance = estimator.estimator->radiance;
+  impl_->radiance = estimator.estimator->tunable ? path_function(*impl_->world, impl_->path) : estimator.estimator->radiance;
+  impl_->low_discrepancy = estimator.estimator->tunable && estimator.features.has(Feature::kSobol);
 }
 
 FrameRenderer::~FrameRenderer() = default;
@@ -107,7 +109,8 @@ std::optional<Tile> FrameRenderer::render(const PixelRect& rect, const SampleRan
     PixelAccumulator accumulator(range);
     uint64_t reported_samples = 0;
     for (int64_t i = range.begin; i < range.end; ++i) {
-      const PathKey key = path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i));
+      const PathKey key =
+          path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i), 0, impl_->low_discrepancy);
       const CameraSample camera = camera_sample(*impl_->world, key, x, y);
       PathResult path = impl_->radiance(*impl_->world, settings, camera.ray, key, count);
       accumulator.push(leaf(developed(path, camera.weight, film, count), {path.albedo, path.normal, path.depth}, i));

@@ -11,6 +11,7 @@ class PointLight {
   PointLight(const LightDescription& description, const PointLightDescription& light, const DMat4& render_from_world, double scale);
   std::optional<LightSample> sample(Vec3 ref, Vec2 u, float u_primitive) const;
   Rgb power() const { return 4 * kPi * intensity_; }
+  Vec3 position() const { return Vec3(position_); }
 
  private:
   DVec3 position_;
@@ -23,6 +24,7 @@ class SpotLight {
   SpotLight(const LightDescription& description, const SpotLightDescription& light, const DMat4& render_from_world, double scale);
   std::optional<LightSample> sample(Vec3 ref, Vec2 u, float u_primitive) const;
   Rgb power() const { return static_cast<float>(effective_solid_angle_) * intensity_; }
+  Vec3 position() const { return Vec3(position_); }
 
  private:
   /// Share of the intensity in a direction given in render space, away from the light.

@@ -1,5 +1,6 @@
 #include "renderer/lights/light.h"
 
+#include "renderer/geometry/geometry.h"
 #include "renderer/lights/light_table.h"
 #include "renderer/scene/scene_error.h"
 
@@ -30,6 +31,8 @@ std::vector<double> choice_weights(const std::vector<Rgb>& powers) {
   return weights;
 }
 
+Vec3 center_of(const Shape& shape) { return bounds_of(shape).center(); }
+
 float bounding_radius(Box3 bounds) {
   // An empty scene has no size; any positive radius keeps the choice of lights defined.
   if (bounds.empty()) return 1;
@@ -45,15 +48,22 @@ Lights::Lights(const SceneDescription& description, const std::vector<Shape>& sh
                Box3 bounds) {
   auto table = std::make_shared<LightTable>();
   const float radius = bounding_radius(bounds);
-  const auto add = [&](Light light, const SourceLocation& where) {
+  const auto add = [&](Light light, const SourceLocation& where, std::optional<Vec3> position = std::nullopt) {
+    table->position.push_back(position);
     table->power.push_back(std::visit([](const auto& l) { return l.power(); }, light));
     table->where.push_back(where);
     table->lights.push_back(std::move(light));
   };
   for (const LightDescription& light : description.lights) {
     std::visit(Overloaded{
-                   [&](const PointLightDescription& l) { add(PointLight(light, l, render_from_world, scale), light.where); },
-                   [&](const SpotLightDescription& l) { add(SpotLight(light, l, render_from_world, scale), light.where); },
+                   [&](const PointLightDescription& l) {
+                     const PointLight point(light, l, render_from_world, scale);
+                     add(point, light.where, point.position());
+                   },
+                   [&](const SpotLightDescription& l) {
+                     const SpotLight spot(light, l, render_from_world, scale);
+                     add(spot, light.where, spot.position());
+                   },
                    [&](const DistantLightDescription& l) { add(DistantLight(light, l, render_from_world, radius), light.where); },
                    [&](const InfiniteLightDescription& l) {
                      table->infinite.push_back(static_cast<int>(table->lights.size()));
@@ -67,14 +77,19 @@ Lights::Lights(const SceneDescription& description, const std::vector<Shape>& sh
     const ShapeDescription& shape = description.shapes[i];
     if (!shape.area_light) continue;
     table->light_of_shape[i] = static_cast<int>(table->lights.size());
-    add(AreaLight(shape, static_cast<int>(i), shapes[i], scale), shape.where);
+    add(AreaLight(shape, static_cast<int>(i), shapes[i], scale), shape.where, center_of(shapes[i]));
   }
   for (const ObjectDescription& object : description.objects)
     for (const ShapeDescription& shape : object.shapes)
       if (shape.area_light)
         throw SceneError(shape.where,
                          "found an area light in the object \"" + object.name + "\", expected one on a shape outside of objects");
-  table->choice = DiscreteDistribution(choice_weights(table->power));
+  const std::vector<double> weights = choice_weights(table->power);
+  std::vector<double> bounded = weights;
+  for (size_t i = 0; i < bounded.size(); ++i)
+    if (!table->position[i]) bounded[i] = 0;
+  table->choice = DiscreteDistribution(weights);
+  table->bounded_choice = DiscreteDistribution(bounded);
   table_ = std::move(table);
 }
 
@@ -87,6 +102,16 @@ std::optional<Lights::Choice> Lights::choose(float u) const {
 }
 
 float Lights::pmf(int light) const { return static_cast<float>(table_->choice.probability(static_cast<size_t>(light))); }
+
+std::optional<Lights::Choice> Lights::choose_bounded(float u) const {
+  if (!(table_->bounded_choice.total() > 0)) return std::nullopt;
+  const int light = static_cast<int>(table_->bounded_choice.sample(static_cast<double>(u)).index);
+  return Choice{light, bounded_pmf(light)};
+}
+
+float Lights::bounded_pmf(int light) const { return static_cast<float>(table_->bounded_choice.probability(static_cast<size_t>(light))); }
+
+Vec3 Lights::position(int light) const { return table_->position[static_cast<size_t>(light)].value_or(Vec3(0)); }
 
 std::optional<LightSample> Lights::sample(int light, Vec3 ref, Vec2 u, float u_primitive) const {
   return std::visit([&](const auto& l) { return l.sample(ref, u, u_primitive); }, table_->lights[static_cast<size_t>(light)]);

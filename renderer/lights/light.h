@@ -67,6 +67,13 @@ class Lights {
   /// `u_primitive` chooses the primitive of a mesh; `u` the point on it.
   std::optional<LightSample> sample(int light, Vec3 ref, Vec2 u, float u_primitive) const;
 
+  /// Like `choose`, among the lights that stand somewhere: point, spot and area lights. Nothing where there is none.
+  std::optional<Choice> choose_bounded(float u) const;
+  /// The probability that `choose_bounded` gives this light; 0 for distant and infinite lights.
+  float bounded_pmf(int light) const;
+  /// Where a bounded light stands: the point itself, or the middle of the shape's bounds.
+  Vec3 position(int light) const;
+
   /// The light on a shape, or kNone.
   int light_of_shape(int shape) const;
   /// Radiance that leaves `hit` in direction `wo` (unit, away from the surface).

@@ -21,9 +21,10 @@ struct LightTable {
   std::vector<Light> lights;
   std::vector<SourceLocation> where;
   std::vector<Rgb> power;
-  DiscreteDistribution choice;
-  std::vector<int> light_of_shape;  // empty or one per shape
-  std::vector<int> infinite;        // indices of the infinite lights
+  DiscreteDistribution choice, bounded_choice;
+  std::vector<std::optional<Vec3>> position;  // of bounded lights
+  std::vector<int> light_of_shape;            // empty or one per shape
+  std::vector<int> infinite;                  // indices of the infinite lights
 };
 
 }  // namespace woodcock

@@ -123,6 +123,10 @@ std::optional<Bsdf> Materials::bsdf(int material, const TextureContext& where, S
   return std::visit([&](const auto& d) -> std::optional<Bsdf> { return Evaluator{*textures_, where}(d); }, entry.kind);
 }
 
+DiffuseBsdf Materials::diffuse(int material, const TextureContext& where) const {
+  return {clamp01(textures_->eval(std::get<DiffuseDescription>(at(material).kind).reflectance, where))};
+}
+
 Vec3 Materials::shading_normal(int material, const TextureContext& where, const ShadingGeometry& geometry) const {
   const Entry& entry = at(material);
   const Vec3 n = geometry.n;

@@ -40,6 +40,9 @@ class Materials {
   /// [0, 1].
   std::optional<Bsdf> bsdf(int material, const TextureContext& where, Stream& choice) const;
 
+  /// The same where the material is known to be diffuse.
+  DiffuseBsdf diffuse(int material, const TextureContext& where) const;
+
   /// The unit normal after the material's normal map or bump (a displacement along n, by forward differences as
   /// in pbrt-v4), on the side of `geometry.n`. `geometry.n` itself where the material has none, or where the result
   /// is degenerate. Pass a resolved material.

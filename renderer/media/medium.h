@@ -38,6 +38,7 @@ inline float look_up(const FloatField& field, Vec3 p) {
   return std::get_if<CloudField>(&field)->at(p);
 }
 
+class EmissionBricks {public: struct Sample{Vec3 p; float pdf;}; std::optional<Sample> sample(Vec3,float) const {return {};} float pdf(Vec3) const {return 0;}};
 /// One medium. Immutable and thread-safe; the same point gives the same bits on every thread.
 class Medium {
  public:
@@ -80,6 +81,22 @@ class Medium {
   bool is_grey() const { return grey_; }
   /// One bound of σa + σs in all channels for the whole medium: the majorant of plain Woodcock tracking.
   float maximum_sigma_t() const { return maximum_sigma_t_; }
+  /// Nothing at all happens in it.
+  bool is_vacuum() const { return !attenuates() && !scatters() && !emits(); }
+  /// Whether distances of scatterings follow from σt: it is positive wherever σs is.
+  bool has_closed_forms() const {
+    for (int c = 0; c < 3; ++c)
+      if (unit_.sigma_s[c] > 0 && !(unit_.sigma_t[c] > 0)) return false;
+    return true;
+  }
+  /// σt and σs are a density times constants that are equal in all channels.
+  bool is_achromatic() const {
+    return is_separable() && grey_ && unit_.sigma_s.x == unit_.sigma_s.y && unit_.sigma_s.y == unit_.sigma_s.z;
+  }
+  double mean_sigma_t() const { return is_homogeneous() ? unit_.sigma_t.x : 0.3*maximum_sigma_t_; }
+  const EmissionBricks* emission_bricks() const { return nullptr; }
+  /// The diagonal of the box of a medium that has bounds of its own, in render units.
+  double diagonal() const { return glm::length(majorants_.box().upper - majorants_.box().lower) * majorants_.map().cell_edge(); }
   /// The bricks of a medium that is not homogeneous.
   const MajorantGrid& majorants() const { return majorants_; }
 
@@ -142,7 +159,7 @@ class Media {
 class MajorantWalk {
  public:
   /// `ray.d` has unit length; the walk covers [0, t_max], and t_max may be infinite.
-  MajorantWalk(const Medium& medium, const Ray& ray, float t_max) {
+  MajorantWalk(const Medium& medium, const Ray& ray, float t_max, bool = true) {
     if (!medium.is_homogeneous())
       bricks_ = BrickWalk(medium.majorants(), ray, t_max);
     else if (medium.maximum_sigma_t() > 0 && t_max > 0)

@@ -11,6 +11,8 @@ struct PathCounters {
   uint64_t rays = 0;                 ///< closest-hit queries of paths
   uint64_t shadow_rays = 0;          ///< light samples that were traced
   uint64_t medium_lookups = 0;       ///< coefficients of grid media evaluated
+  uint64_t emission_lookups = 0;     ///< ... of which the emission, too
+  uint64_t channel_draws = 0;        ///< distances drawn from one of several channels
   uint64_t nonfinite = 0;            ///< samples with a NaN or an infinity: they count as zero
   uint64_t clamped = 0;              ///< samples that the film's maxcomponentvalue cut
   uint64_t majorant_violations = 0;  ///< look-ups with σt above the bound
@@ -22,6 +24,8 @@ struct PathCounters {
     rays += o.rays;
     shadow_rays += o.shadow_rays;
     medium_lookups += o.medium_lookups;
+    emission_lookups += o.emission_lookups;
+    channel_draws += o.channel_draws;
     nonfinite += o.nonfinite;
     clamped += o.clamped;
     majorant_violations += o.majorant_violations;

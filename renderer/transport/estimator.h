@@ -10,9 +10,6 @@
 
 namespace woodcock {
 
-/// The radiance that arrives along a camera ray, estimated once. Depends on its arguments alone; `count` is added to.
-using RadianceFunction = PathResult (*)(const World&, const PathSettings&, Ray, PathKey, PathCounters&);
-
 /// One estimator. All texts are single lines.
 struct EstimatorInfo {
   const char* name;

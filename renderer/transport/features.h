@@ -38,7 +38,7 @@ inline constexpr std::array<FeatureInfo, 11> kFeatures{{
     {Feature::kMis, "mis", "light found in two ways is weighted by the power heuristic"},
     {Feature::kClosedForms, "closed-forms", "homogeneous media are crossed without tracking"},
     {Feature::kBricks, "bricks", "majorants hold for bricks of a volume, not for all of it"},
-    {Feature::kRayMarchedShadows, "ray-marched-shadows", "long shadow rays are marched without bias, not tracked"},
+    {Feature::kRayMarchedShadows, "ray-marched-shadows", "media that only absorb are marched without bias, not tracked"},
     {Feature::kResidual, "residual", "shadow rays track only what differs from a known part of the extinction"},
     {Feature::kRoulette, "roulette", "paths of little weight end early"},
     {Feature::kSobol, "sobol", "the first dimensions of a path are Owen-scrambled Sobol' points"},

@@ -50,9 +50,15 @@ struct PathResult {
   float depth = 0;
 };
 
+/// A way to estimate the radiance that arrives along a ray.
+using RadianceFunction = PathResult (*)(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count);
+
+/// The kernel of the estimator `auto` for this world: the smallest one that has every effect the plan calls for.
+RadianceFunction path_function(const World& world, const PathSettings& settings);
+
 /// The radiance that arrives along `ray` at the camera, estimated with one path:
 ///   L(x, ω) = ∫₀ᶻ T(s) [σa Le + σs ∫ f(ω, ω′) L(ω′) dω′] ds + T(z) L₀,
-/// with L₀ from the rendering equation (Kajiya 1986) at surfaces. Unbiased up to `max_depth`.
+/// with L₀ from the rendering equation (Kajiya 1986) at surfaces. Unbiased up to `max_depth`. Runs path_function().
 PathResult trace_path(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count);
 
 /// The camera ray of sample `sample` of pixel (x, y) and the weight of its filter sample.

@@ -8,6 +8,12 @@
 
 namespace woodcock {
 
+/// Which part of the majorant collides.
+enum class Collide {
+  kMajorant,         ///< all of it
+  kAboveLowerBound,  ///< what lies above the lower bound of σt, whose own optical depth is summed up (residual tracking)
+};
+
 /// Walks the Poisson process of rate σ̄(t) along ray.at(0 … t_max), σ̄ the piecewise constant majorant of the medium
 /// (Woodcock et al. 1965; Raab, Seibert & Keller 2006, section 3). The optical depth that is left of a step is carried
 /// into the next segment, so each collision costs one random number however many bricks lie between.
@@ -15,8 +21,9 @@ class TentativeCollisions {
  public:
   /// `random` must outlive this; the caller may draw from it between two collisions. Where the majorant is positive and
   /// below `least_rate`, that takes its place: any upper bound is a majorant.
-  TentativeCollisions(const Medium& medium, const Ray& ray, float t_max, Stream& random, float least_rate = 0)
-      : walk_(medium, ray, t_max), random_(random), least_rate_(least_rate) {}
+  TentativeCollisions(const Medium& medium, const Ray& ray, float t_max, Stream& random, bool bricks = true, float least_rate = 0,
+                      Collide collide = Collide::kMajorant)
+      : walk_(medium, ray, t_max, bricks), random_(random), least_rate_(least_rate), collide_(collide) {}
 
   /// Moves to the next collision; false at the end of the ray.
   bool next() {
@@ -27,11 +34,16 @@ class TentativeCollisions {
         if (!segment_) return false;
         segment_->sigma = std::max(segment_->sigma, least_rate_);
         t_ = segment_->t0;
+        rate_ = segment_->sigma;
+        if (collide_ == Collide::kAboveLowerBound && segment_->lower > 0) {
+          rate_ -= segment_->lower;
+          lower_depth_ += static_cast<double>(segment_->lower) * (static_cast<double>(segment_->t1) - static_cast<double>(segment_->t0));
+        }
       }
-      // In double, so that a step far smaller than t still moves.
-      const double to_end = (segment_->t1 - t_) * segment_->sigma;
+      // In double, so that a step far smaller than t still moves. A rate of zero may meet an endless segment.
+      const double to_end = rate_ > 0 ? (static_cast<double>(segment_->t1) - t_) * static_cast<double>(rate_) : 0;
       if (depth < to_end) {
-        t_ += depth / segment_->sigma;
+        t_ += depth / static_cast<double>(rate_);
         return true;
       }
       depth = std::max(0.0, depth - to_end);
@@ -41,13 +53,22 @@ class TentativeCollisions {
 
   float t() const { return static_cast<float>(t_); }
   float majorant() const { return segment_->sigma; }
+  /// The rate of collisions here, and the part of σt that does not collide.
+  float rate() const { return rate_; }
+  float lower() const { return collide_ == Collide::kAboveLowerBound ? segment_->lower : 0; }
+  /// What the lower bounds let through of the segments entered so far, all of each; 1 where all of the majorant collides.
+  float lower_transmittance() const { return lower_depth_ > 0 ? static_cast<float>(std::exp(-lower_depth_)) : 1; }
+  /// σt is the majorant all over the segment, to rounding.
+  bool in_constant_brick() const { return segment_->lower == segment_->sigma; }
 
  private:
   MajorantWalk walk_;
   Stream& random_;
   float least_rate_;
+  Collide collide_;
   std::optional<MajorantSegment> segment_;
-  double t_ = 0;
+  float rate_ = 0;
+  double t_ = 0, lower_depth_ = 0;
 };
 
 }  // namespace woodcock

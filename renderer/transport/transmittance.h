@@ -2,7 +2,7 @@
 #pragma once
 
 #include "renderer/core/random.h"
-#include "renderer/transport/counters.h"
+#include "renderer/transport/path.h"
 #include "renderer/world/world.h"
 
 namespace woodcock {
@@ -10,17 +10,38 @@ namespace woodcock {
 /// More boundaries than this without a scattering mean a defect of the scene (a stack of coincident shells).
 inline constexpr int kMaxCrossings = 10000;
 
+/// Which ways of estimating a transmittance may be used; the expectation is the same with any of them.
+struct TransmittanceWays {
+  bool closed_forms = true;  ///< homogeneous media and constant bricks without tracking
+  bool bricks = true;        ///< majorants of bricks, not of the whole volume
+  bool residual = true;      ///< tracking of what lies above the lower bound of a brick
+  bool ray_marching = true;  ///< unbiased ray marching where nothing scatters and the optical depth is moderate
+  bool grey = true;          ///< one channel for all where they are equal
+};
+
+/// The ways that features and plan leave.
+TransmittanceWays transmittance_ways(const PathSettings& settings);
+
 /// exp(−σ·t) per channel with exp(−0·∞) = 1: a distant light through an unbounded medium arrives only in the
 /// channels without extinction.
 Rgb attenuation(Rgb sigma, double t);
 
 /// An unbiased estimate of the transmittance of `medium` along ray.at(0 … t_max), per channel: in closed form where
-/// the medium is homogeneous, else by ratio tracking, T̂ = Π (1 − σt(x_i)/σ̄_i) over the tentative collisions x_i of
-/// Woodcock tracking (Novák, Selle & Jarosz 2014, section 3), ended by Russian roulette below 0.1.
-Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, Stream& random, PathCounters& count);
+/// the medium is homogeneous, else by residual ratio tracking, T̂ = e^{−∫σl} Π (1 − (σt(x_i) − σl)/(σ̄ − σl)) over the
+/// tentative collisions x_i of rate σ̄ − σl, σl ≤ σt ≤ σ̄ the bounds of a brick (Novák, Selle & Jarosz 2014, sections 3
+/// and 4), ended by Russian roulette below 0.1, or by ray marching without bias (ray_marching.h).
+Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, Stream& random, PathCounters& count,
+                           const TransmittanceWays& ways = {});
 
-/// A shadow ray: the transmittance estimate from ray.o to the distance `t_max`, through interfaces and media, 0 where
-/// a surface is in the way. `medium` is the one the ray starts in. `target` is the primitive the light sample lies on.
-Rgb shadow_transmittance(const World& world, Ray ray, float t_max, int medium, TargetPrimitive target, Stream& random, PathCounters& count);
+/// What a shadow ray found.
+struct Shadow {
+  Rgb transmittance{0};  ///< 0 where a surface is in the way
+  int medium = kNone;    ///< at the far end
+};
+
+/// A shadow ray from ray.o to the distance `t_max`, through interfaces and media. `medium` is the one the ray starts in.
+/// `target` is the primitive the light sample lies on.
+Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, TargetPrimitive target, Stream& random,
+                    const TransmittanceWays& ways, bool passable_surfaces, PathCounters& count);
 
 }  // namespace woodcock

@@ -37,54 +37,104 @@ class Planner {
   Planner(const SceneDescription& scene, const World& world) : scene_(scene), world_(world), media_(reachable_media(scene, world)) {}
 
   std::vector<EffectEntry> plan() {
-    medium("homogeneous media", "has the same coefficients everywhere",
-           [](const Medium& m) { return m.is_homogeneous() && m.attenuates(); });
-    medium("heterogeneous media", "varies in space", [](const Medium& m) { return !m.is_homogeneous() && m.attenuates(); });
-    medium("volume scattering", "scatters", [](const Medium& m) { return m.scatters(); });
-    medium("volume emission", "emits", [](const Medium& m) { return m.emits(); });
-    medium("chromatic extinction", "attenuates channels differently", [](const Medium& m) { return !m.is_grey(); });
-    surface("index-matched interfaces", "is a boundary without a surface", [&](const ShapeDescription& s) { return is_interface(s); });
-    surface("surfaces", "has a material", [&](const ShapeDescription& s) { return !is_interface(s); });
-    surface("surfaces other than diffuse", "has a material that is not diffuse", [&](const ShapeDescription& s) {
-      return !is_interface(s) && !std::holds_alternative<DiffuseDescription>(scene_.materials[static_cast<size_t>(s.material)].kind);
+    medium(kHomogeneousMedia, "homogeneous media", "has the same coefficients everywhere",
+           [](const Medium& m) { return m.is_homogeneous() && !m.is_vacuum(); });
+    medium(kHeterogeneousMedia, "heterogeneous media", "varies in space",
+           [](const Medium& m) { return !m.is_homogeneous() && !m.is_vacuum(); });
+    medium(kVolumeScattering, "volume scattering", "scatters", [](const Medium& m) { return m.scatters(); });
+    medium(kVolumeEmission, "volume emission", "emits", [](const Medium& m) { return m.emits(); });
+    medium(kChromaticExtinction, "chromatic extinction", "attenuates channels differently", [](const Medium& m) { return !m.is_grey(); });
+    surface(kPassableSurfaces, "index-matched interfaces", "is a boundary without a surface",
+            [&](const ShapeDescription& s) { return is_interface(s); });
+    surface(kSurfaces, "surfaces", "has a material", [&](const ShapeDescription& s) { return !is_interface(s); });
+    surface(kGeneralSurfaces, "surfaces other than diffuse", "has a material that is not plain diffuse",
+            [&](const ShapeDescription& s) { return !is_interface(s) && !is_plain_diffuse(s); });
+    surface(kPassableSurfaces, "partial opacity", "has an alpha below one or mixes an interface in", [&](const ShapeDescription& s) {
+      return s.alpha.texture != kNone || s.alpha.value < 1 ||
+             (!is_interface(s) && std::holds_alternative<MixDescription>(scene_.materials[static_cast<size_t>(s.material)].kind));
     });
-    surface("partial opacity", "has an alpha below one",
-            [](const ShapeDescription& s) { return s.alpha.texture != kNone || s.alpha.value < 1; });
-    surface("area lights", "emits",
+    light_sampling();
+    equiangular();
+    medium(kEmissionSampling, "emissive bricks as lights", "is a grid that emits",
+           [](const Medium& m) { return m.emission_bricks() != nullptr; });
+    surface(0, "area lights", "emits",
             [](const ShapeDescription& s) { return s.area_light && s.area_light->scale > 0 && !is_black(s.area_light->radiance); });
     light<InfiniteLightDescription>("environment lights", "an infinite light");
     light<DistantLightDescription>("distant lights", "a distant light");
     light<PointLightDescription>("point lights", "a point light");
     light<SpotLightDescription>("spot lights", "a spot light");
     const bool lens = scene_.camera.lens_radius > 0;
-    entries_.push_back({"thin lens", lens, lens ? "the camera has a lens radius" : "the camera is a pinhole",
-                        lens ? scene_.camera.where : SourceLocation{}});
+    add(0, "thin lens", lens, lens ? "the camera has a lens radius" : "the camera is a pinhole", scene_.camera.where);
     const bool instances = !scene_.instances.empty();
-    entries_.push_back({"instances", instances,
-                        instances ? std::to_string(scene_.instances.size()) + " objects are placed" : "no object is placed",
-                        instances ? scene_.instances.front().where : SourceLocation{}});
+    add(0, "instances", instances, instances ? std::to_string(scene_.instances.size()) + " objects are placed" : "no object is placed",
+        instances ? scene_.instances.front().where : SourceLocation{});
     return std::move(entries_);
   }
 
  private:
   bool is_interface(const ShapeDescription& s) const { return s.material == kNone || world_.materials.is_interface(s.material); }
 
-  void medium(const std::string& effect, const std::string& does, const std::function<bool(const Medium&)>& test) {
+  bool is_plain_diffuse(const ShapeDescription& s) const {
+    return std::holds_alternative<DiffuseDescription>(scene_.materials[static_cast<size_t>(s.material)].kind) &&
+           !world_.materials.has_normal_map(s.material);
+  }
+
+  void add(uint32_t bits, const std::string& effect, bool needed, std::string reason, SourceLocation where = {}) {
+    entries_.push_back({effect, needed, std::move(reason), needed ? std::move(where) : SourceLocation{}, bits});
+  }
+
+  void light_sampling() {
+    for (int i = 0; i < world_.lights.size(); ++i) {
+      if (world_.lights.pmf(i) > 0)
+        return add(kLightSampling, "light sampling", scene_.settings.max_depth > 0,
+                   scene_.settings.max_depth > 0 ? "a light shines that can be aimed at" : "no path may scatter", world_.lights.where(i));
+    }
+    add(kLightSampling, "light sampling", false, "no light shines that can be aimed at");
+  }
+
+  /// Whether it matters where on a ray one looks at a light: seen through less than a few mean free paths.
+  void equiangular() {
+    constexpr double kFarthest = 4;  // mean free paths between camera and light
+    const std::string name = "equiangular sampling";
+    bool bounded = false, scatters = false;
+    for (const int m : media_) {
+      const Medium& medium = world_.media[m];
+      if (!medium.scatters()) continue;
+      scatters = true;
+      for (int i = 0; i < world_.lights.size(); ++i) {
+        if (!(world_.lights.bounded_pmf(i) > 0)) continue;
+        bounded = true;
+        const double distance = static_cast<double>(glm::length(world_.lights.position(i) - world_.camera.position()));
+        if (scene_.settings.max_depth > 0 && distance * medium.mean_sigma_t() < kFarthest)
+          return add(kEquiangular, name, true,
+                     "a light stands within " + std::to_string(static_cast<int>(kFarthest)) +
+                         " mean free paths of the camera in the medium "
+                         " + scene_.media[static_cast<size_t>(m)].name + "
+                         "",
+                     world_.lights.where(i));
+      }
+    }
+    add(kEquiangular, name, false,
+        !scatters  ? "no medium scatters"
+        : !bounded ? "no light stands at a place"
+                   : "the media are too dense around the lights");
+  }
+
+  void medium(uint32_t bits, const std::string& effect, const std::string& does, const std::function<bool(const Medium&)>& test) {
     for (const int m : media_) {
       if (!test(world_.media[m])) continue;
       const auto& description = scene_.media[static_cast<size_t>(m)];
-      entries_.push_back({effect, true, "the medium \"" + description.name + "\" " + does, description.where});
-      return;
+      return add(bits, effect, true, "the medium \"" + description.name + "\" " + does, description.where);
     }
     const bool declared = scene_.media.size() > media_.size();
-    entries_.push_back(
-        {effect, false, std::string("no medium that a ray can reach ") + does + (declared ? " (some are declared and not used)" : ""), {}});
+    add(bits, effect, false, std::string("no medium that a ray can reach ") + does + (declared ? " (some are declared and not used)" : ""));
   }
 
-  void surface(const std::string& effect, const std::string& does, const std::function<bool(const ShapeDescription&)>& test) {
+  void surface(uint32_t bits, const std::string& effect, const std::string& does,
+               const std::function<bool(const ShapeDescription&)>& test) {
     const auto check = [&](const ShapeDescription& s) {
       if (!test(s)) return false;
-      entries_.push_back({effect, true, "a shape " + does, s.where});
+      add(bits, effect, true, "a shape " + does, s.where);
       return true;
     };
     for (const auto& s : scene_.shapes) {
@@ -95,7 +145,7 @@ class Planner {
         if (check(s)) return;
       }
     }
-    entries_.push_back({effect, false, "no shape " + does, {}});
+    add(bits, effect, false, "no shape " + does);
   }
 
   template <typename Kind>
@@ -108,10 +158,9 @@ class Planner {
         dark = true;
         continue;
       }
-      entries_.push_back({effect, true, "the scene has " + what, l.where});
-      return;
+      return add(0, effect, true, "the scene has " + what, l.where);
     }
-    entries_.push_back({effect, false, dark ? "the scene has none that shines" : "the scene has none", {}});
+    add(0, effect, false, dark ? "the scene has none that shines" : "the scene has none");
   }
   static Rgb emitted(const PointLightDescription& l) { return l.intensity; }
   static Rgb emitted(const SpotLightDescription& l) { return l.intensity; }
@@ -127,5 +176,11 @@ class Planner {
 }  // namespace
 
 std::vector<EffectEntry> plan_effects(const SceneDescription& scene, const World& world) { return Planner(scene, world).plan(); }
+
+uint32_t effect_bits(const std::vector<EffectEntry>& plan) {
+  uint32_t bits = 0;
+  for (const EffectEntry& e : plan) bits |= e.needed ? e.bits : 0;
+  return bits;
+}
 
 }  // namespace woodcock

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "renderer/scene/description.h"
+#include "renderer/world/effects.h"
 #include "renderer/world/world.h"
 
 namespace woodcock {
@@ -14,11 +15,15 @@ struct EffectEntry {
   bool needed = false;
   std::string reason;    ///< one sentence
   SourceLocation where;  ///< of the first thing that calls for it; line 0 where nothing does
+  uint32_t bits = 0;     ///< the Effect it switches on in kernels; 0 where kernels do not tell
 };
 
 /// The effects in a fixed order. A medium counts only where a boundary that is placed in the scene, or the camera,
 /// leads into it, a shape of an object only where the object is placed, and only what things really do: an emission
 /// of zero or a scattering of zero is none.
 std::vector<EffectEntry> plan_effects(const SceneDescription& scene, const World& world);
+
+/// The bits of the effects that are needed.
+uint32_t effect_bits(const std::vector<EffectEntry>& plan);
 
 }  // namespace woodcock

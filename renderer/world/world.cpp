@@ -7,6 +7,7 @@
 #include "renderer/core/transform.h"
 #include "renderer/scene/scene_error.h"
 #include "renderer/world/compile_shapes.h"
+#include "renderer/world/effect_plan.h"
 
 namespace woodcock {
 namespace {
@@ -150,6 +151,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
                                                 {},
                                                 kNone,
                                                 false,
+                                                0,
                                                 std::move(notes)});
   world->materials = Materials(scene, world->textures);
   world->media = Media(scene, space.render_from_world, space.scale);
@@ -189,6 +191,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
       break;
     }
   }
+  world->effects = effect_bits(plan_effects(scene, *world));
   return world;
 }
 

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "renderer/core/distribution.h"
 #include "renderer/geometry/geometry.h"
 #include "renderer/lights/light.h"
 #include "renderer/materials/material.h"
@@ -56,8 +57,22 @@ struct World {
   int camera_medium = kNone;
   /// Some shadow ray may have to go on behind a surface (interfaces, partial opacity).
   bool has_passable_surfaces = false;
+  /// The Effect bits (effects.h) that the scene calls for, by use.
+  uint32_t effects = 0;
   /// Where the scene was read differently than written, for the user.
   std::vector<std::string> notes;
+
+  /// The media whose emission is sampled as that of lights, and the choice between them by power.
+  std::vector<int> emissive_media{};
+  DiscreteDistribution emissive_choice{};
+  /// A medium to sample; there must be one. u in [0, 1).
+  int choose_emissive(float u) const { return emissive_media[emissive_choice.sample(static_cast<double>(u)).index]; }
+  /// The probability that `choose_emissive` gives this medium.
+  float emissive_pmf(int medium) const {
+    for (size_t i = 0; i < emissive_media.size(); ++i)
+      if (emissive_media[i] == medium) return static_cast<float>(emissive_choice.probability(i));
+    return 0;
+  }
 
   /// The medium behind a surface for a ray that leaves it in direction `w`.
   int medium_after(const SurfaceInfo& s, Vec3 ng, Vec3 w, int current) const {

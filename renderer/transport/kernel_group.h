@@ -1,0 +1,21 @@
+// How a file of kernels makes its part of the list.
+#pragma once
+
+#include "renderer/transport/kernels.h"
+#include "renderer/transport/path_kernel.h"
+
+namespace woodcock {
+
+/// The kernels of these sets of effects.
+template <uint32_t... kMasks>
+std::span<const Kernel> kernel_group() {
+  static constexpr std::array<Kernel, sizeof...(kMasks)> kGroup{{{kMasks, &run_kernel<kMasks>}...}};
+  return kGroup;
+}
+
+inline constexpr uint32_t kDiffuse = kSurfaces | kLightSampling;
+inline constexpr uint32_t kAnySurface = kSurfaces | kGeneralSurfaces | kLightSampling;
+inline constexpr uint32_t kScatteringMedium = kVolumeScattering | kLightSampling;
+inline constexpr uint32_t kEmissiveGrid = kVolumeEmission | kEmissionSampling;
+
+}  // namespace woodcock

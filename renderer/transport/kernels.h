@@ -1,0 +1,34 @@
+// The kernels of the estimator `auto`: the path loop compiled for sets of effects.
+#pragma once
+
+#include <array>
+#include <span>
+#include <utility>
+
+#include "renderer/transport/path.h"
+#include "renderer/world/effects.h"
+
+namespace woodcock {
+
+struct Kernel {
+  uint32_t effects;  ///< that are compiled in
+  RadianceFunction run;
+};
+
+/// All kernels; the last one has every effect.
+std::span<const Kernel> kernels();
+
+/// The effects that run for these settings: those of the plan, or without a plan all that are not worth while by virtue of
+/// an analysis alone; less what features are taken out.
+uint32_t active_effects(const World& world, const PathSettings& settings);
+
+/// The kernel with the fewest effects that has all of `effects`.
+const Kernel& smallest_kernel(uint32_t effects);
+
+/// What the files of kernels give to the list.
+std::span<const Kernel> surface_kernels();
+std::span<const Kernel> homogeneous_kernels();
+std::span<const Kernel> heterogeneous_kernels();
+std::span<const Kernel> full_kernels();
+
+}  // namespace woodcock
