@@ -8,6 +8,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "renderer/core/arithmetic.h"
 #include "renderer/frame/frame_header.h"
 #include "renderer/transport/path.h"
 #include "renderer/world/world.h"
@@ -43,6 +44,8 @@ struct FrameRenderer::Impl {
 FrameRenderer::FrameRenderer(const std::string& scene_path, const FrameSettings& settings, const ReadOptions& options,
                              const std::function<void(const char* phase)>& phase)
     : impl_(std::make_unique<Impl>()) {
+  if (const char* fault = arithmetic_fault())
+    throw std::runtime_error(std::string("this build cannot render: ") + fault + "; build with the flags of cmake/Compiler.cmake");
   if (phase) phase("loading");
   ReadOptions read = options;
   read.allow_unsupported |= settings.allow_unsupported;
