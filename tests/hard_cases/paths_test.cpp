@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "renderer/scene/read_scene.h"
 #include "tests/transport/estimate.h"
 
 namespace woodcock::testing {
@@ -348,6 +349,61 @@ TEST(HardCases, N33_what_only_one_way_finds_has_weight_one) {
   }
 }
 
+// A box of fog cut into triangles, met at its vertices and on its edges: the way through it is as long as it is.
+TEST(HardCases, N28_fog_in_a_mesh_is_as_deep_at_vertices_and_edges_as_elsewhere) {
+  constexpr int kCells = 8;
+  std::string points, indices;
+  int vertex = 0;
+  for (const double z : {1.0, -1.0}) {
+    for (int j = 0; j <= kCells; ++j)
+      for (int i = 0; i <= kCells; ++i) points += fmt::format(" {} {} {}", 2.0 * i / kCells - 1, 2.0 * j / kCells - 1, z);
+    for (int j = 0; j < kCells; ++j)
+      for (int i = 0; i < kCells; ++i) {
+        const int a = vertex + j * (kCells + 1) + i, b = a + 1, c = a + kCells + 1, d = c + 1;
+        // Counter-clockwise from outside; the diagonals differ between the two faces.
+        indices += z > 0 ? fmt::format(" {} {} {} {} {} {}", a, b, d, a, d, c) : fmt::format(" {} {} {} {} {} {}", a, c, b, b, c, d);
+      }
+    vertex += (kCells + 1) * (kCells + 1);
+  }
+  const CompiledScene scene =
+      compile(perspective({0, 0, 9}, {0, 0, 0}, 10, 5) + "WorldBegin\n" + environment(1) + homogeneous("m", Rgb(0.7f), Rgb(0)) +
+              boundary("m", "", "Shape \"trianglemesh\" \"point3 P\" [" + points + " ] \"integer indices\" [" + indices + " ]\n"));
+  PathCounters counters;
+  for (int j = 1; j < 2 * kCells; ++j)
+    for (int i = 1; i < 2 * kCells; ++i) {
+      // Vertices, middles of edges and of diagonals, straight through and aslant to a vertex of the other face.
+      const DVec3 from(static_cast<double>(i) / kCells - 1, static_cast<double>(j) / kCells - 1, 1), to(-0.25, 0.5, -1);
+      EXPECT_NEAR(radiance_along(scene, from + DVec3(0, 0, 3), {0, 0, -1}, counters).g, std::exp(-0.7 * 2), 1e-5) << i << ' ' << j;
+      EXPECT_NEAR(radiance_along(scene, from - 2.0 * (to - from), to - from, counters).g, std::exp(-0.7 * glm::length(to - from)), 1e-5)
+          << i << ' ' << j;
+    }
+}
+
+// Triangles without area, and those that lose it by the rounding to render space, are left out with a warning and change
+// nothing: neither the light of a lamp nor what shades it.
+TEST(HardCases, N29_triangles_without_area_change_nothing) {
+  const auto room = [](const char* slivers) {
+    return perspective({0, 0.3, 3}, {0, 0, 0}, 50, 6) + "WorldBegin\nAttributeBegin\nAreaLightSource \"diffuse\" \"float power\" 8\n" +
+           "Shape \"trianglemesh\" \"point3 P\" [ -1 2 -1  1 2 -1  1 2 1  -1 2 1  .5 2 .5  .5 2 .500000000001 .500000000001 2 .5 ] "
+           "\"integer "
+           "indices\" [ 0 1 2  0 2 3 " +
+           slivers + " ]\nAttributeEnd\n" + sphere(1) + sphere(10, {0, -11, 0});
+  };
+  const std::vector<Rgb> whole = radiances(compile(room("")), 3000, 1);
+  EXPECT_EQ(radiances(compile(room("0 0 0  1 1 2  0 2 2")), 3000, 1), whole);
+  const CompiledScene rounded = compile(room("4 5 6  0 0 0"));
+  EXPECT_EQ(radiances(rounded, 3000, 1), whole);
+  ASSERT_EQ(rounded.world->notes.size(), 1u);
+  EXPECT_EQ(rounded.world->notes[0], "1 triangles or patches without area were left out");
+  std::vector<std::string> warnings;
+  ReadOptions options;
+  options.warn = [&](const std::string& warning) { warnings.push_back(warning); };
+  read_scene_text(room("0 0 0  1 1 2  0 2 2"), "room.pbrt", ".", options);
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_NE(warnings[0].find("room.pbrt:10:1"), std::string::npos) << warnings[0];
+  EXPECT_NE(warnings[0].find("3 triangles without area"), std::string::npos) << warnings[0];
+}
+
 // In glass that absorbs nothing no path is dimmed but by n², which roulette must not take for a loss: every sample is the
 // radiance itself, however often it is refracted.
 TEST(HardCases, N44_roulette_does_not_take_refraction_for_a_loss) {
@@ -461,6 +517,26 @@ TEST(HardCases, N58_nothing_is_left_in_the_residual_of_a_parallel_view) {
   double mean_variance = 0;
   for (const double v : p.variance) mean_variance += v / (kSize * kSize);
   EXPECT_NEAR(mean_variance / p.total_variance, 1, 0.02);
+}
+
+// A floor of 10⁴ mean free paths with a layer of fog 0.01 above it, cut into two triangles or into many: the same picture.
+TEST(HardCases, N63_the_picture_does_not_depend_on_how_a_large_plane_is_cut) {
+  const auto scene = [](int cells) {
+    std::string points, indices;
+    for (int j = 0; j <= cells; ++j)
+      for (int i = 0; i <= cells; ++i) points += fmt::format(" {:.17g} 0 {:.17g}", 2e4 * i / cells - 1e4, 2e4 * j / cells - 1e4);
+    for (int j = 0; j < cells; ++j)
+      for (int i = 0; i < cells; ++i) {
+        const int a = j * (cells + 1) + i, b = a + 1, c = a + cells + 1, d = c + 1;
+        indices += fmt::format(" {} {} {} {} {} {}", a, c, d, a, d, b);
+      }
+    const std::string plane = "Shape \"trianglemesh\" \"point3 P\" [" + points + " ] \"integer indices\" [" + indices + " ]\n";
+    // The normal points up: below the sheet is the fog, above it nothing.
+    return perspective({0, 1, 0}, {3, 0, 4}, 20, 20) + "WorldBegin\n" + environment(1) + homogeneous("m", Rgb(0.2f), Rgb(0.8f)) +
+           "Material \"diffuse\" \"rgb reflectance\" [ .7 .7 .7 ]\n" + plane + boundary("m", "", "Translate 0 .01 0\n" + plane);
+  };
+  const Estimate two = estimate(scene(1), 60000, 1);
+  for (const int cells : {3, 40}) expect_equal(estimate(scene(cells), 60000, 2), two, 0.01, fmt::format("{} cells", cells));
 }
 
 // A path that crosses ten thousand boundaries without a scattering is cut, and said to be.

@@ -21,19 +21,6 @@ DMat4 placed(DVec3 where, DVec3 scale = DVec3(1)) {
   return glm::scale(glm::rotate(glm::translate(DMat4(1), where), 0.7, DVec3(1, 2, 3)), scale);
 }
 
-Quadric quadric(Quadric::Kind kind) {
-  Quadric q;
-  q.kind = kind;
-  if (kind == Quadric::Kind::kDisk) q.z_min = 0;  // its height
-  return q;
-}
-
-Shape triangle_shape(const Mesh& mesh, bool flip = false) {
-  Shape shape;
-  shape.geometry = mesh;
-  shape.flip = flip;
-  return shape;
-}
 Shape patch_shape(const PatchMesh& mesh, bool flip = false) {
   Shape shape;
   shape.geometry = mesh;
@@ -201,68 +188,6 @@ TEST(AreaLight, PdfOfASampledPointIsThePdfOfTheSample) {
       }
     }
   }
-}
-
-TEST(AreaLight, N64_HugeTriangleNearTheHorizonMatchesItsExactIrradiance) {
-  // A rectangle from x = 1 to 1e5, 2e5 wide, 1e-3 above the plane of the receiver; the exact irradiance of a receiver
-  // that faces along +x comes from Lambert's formula for polygons.
-  Mesh mesh;
-  const float h = 1e-3f;
-  mesh.positions = {{1, h, -1e5f}, {1e5f, h, -1e5f}, {1e5f, h, 1e5f}, {1, h, 1e5f}};
-  mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
-  const Shape shape = triangle_shape(mesh);
-  AreaLightDescription light;
-  light.two_sided = true;
-  const Lights lights = lights_of(emitting(light), {shape});
-  const DVec3 n(1, 0, 0);
-  double exact = 0;
-  for (int i = 0; i < 4; ++i) {
-    const DVec3 a = glm::normalize(DVec3(mesh.positions[static_cast<size_t>(i)]));
-    const DVec3 b = glm::normalize(DVec3(mesh.positions[static_cast<size_t>((i + 1) % 4)]));
-    const DVec3 cross = glm::cross(a, b);
-    exact += 0.5 * std::atan2(glm::length(cross), glm::dot(a, b)) * glm::dot(glm::normalize(cross), n);
-  }
-  Estimate irradiance;
-  Stream random(3);
-  for (int i = 0; i < 6000000; ++i) {
-    const auto s = lights.sample(0, Vec3(0), random.uniform2(), random.uniform());
-    irradiance.add(s ? static_cast<double>(s->wi.x / s->pdf) : 0.0);
-  }
-  EXPECT_TRUE(agree(irradiance, std::abs(exact))) << irradiance.mean() << " ± " << irradiance.error() << ", exact " << exact;
-  EXPECT_LT(irradiance.error(), 5e-4 * std::abs(exact));
-}
-
-TEST(AreaLight, N31_TinyAndVeryCloseSpheresKeepTheirSolidAngle) {
-  const Quadric unit = quadric(Quadric::Kind::kSphere);
-  AreaLightDescription light;
-  // Half a millionth of a degree wide: the solid angle is π (r/d)².
-  const double angle = 1e-6 * std::numbers::pi / 180 / 2;
-  const Shape far = quadric_shape(unit, glm::scale(glm::translate(DMat4(1), DVec3(0, 0, 1000)), DVec3(1000 * angle)));
-  const auto s = lights_of(emitting(light), {far}).sample(0, Vec3(0), {0.3f, 0.7f}, 0);
-  ASSERT_TRUE(s);
-  EXPECT_NEAR(1 / static_cast<double>(s->pdf), std::numbers::pi * angle * angle, 1e-6 * std::numbers::pi * angle * angle);
-  EXPECT_NEAR(static_cast<double>(s->wi.z), 1, 1e-7);
-  // 1e-6 above a sphere of radius 1 it fills nearly a hemisphere: 1 − cos = 1 − √(1 − 1/d²).
-  const Shape near = quadric_shape(unit, DMat4(1));
-  const float z = 1 + 1e-6f;
-  const double d = static_cast<double>(z), solid_angle = 2 * std::numbers::pi * (1 - std::sqrt((d - 1) * (d + 1)) / d);
-  Stream random(5);
-  for (int i = 0; i < 1000; ++i) {
-    const auto t = lights_of(emitting(light), {near}).sample(0, Vec3(0, 0, z), random.uniform2(), 0);
-    if (!t) continue;
-    EXPECT_NEAR(1 / static_cast<double>(t->pdf), solid_angle, 1e-5 * solid_angle);
-    EXPECT_NEAR(glm::length(t->p), 1, 1e-6);
-  }
-}
-
-TEST(AreaLight, N29_MeshWithoutAreaGivesNoSamplesAndNoNaN) {
-  Mesh mesh;
-  mesh.positions = {{0, 0, 0}, {1, 1, 1}, {2, 2, 2}};
-  mesh.triangles = {{0, 1, 2}, {0, 0, 0}};
-  const Lights lights = lights_of(emitting({}), {triangle_shape(mesh)});
-  EXPECT_FALSE(lights.sample(0, {0, 1, 0}, {0.5f, 0.5f}, 0.5f));
-  EXPECT_EQ(lights.pdf(0, {0, 1, 0}, {{1, 1, 1}, {0, 0, 1}, {0, 0}, 0}, {1, 0, 0}), 0);
-  EXPECT_TRUE(is_black(lights.power(0)));
 }
 
 TEST(AreaLight, PowerIsWorldPowerWhateverTheScaleOfRenderSpace) {
