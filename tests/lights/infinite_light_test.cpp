@@ -8,6 +8,7 @@
 #include "renderer/lights/octahedral.h"
 #include "renderer/scene/scene_error.h"
 #include "tests/lights/light_fixtures.h"
+#include "tests/support/chi_square.h"
 
 namespace woodcock::test {
 namespace {
@@ -77,6 +78,41 @@ TEST(InfiniteLight, SamplesFollowTheImageUnderAnyTransform) {
     EXPECT_TRUE(agree(density, 1)) << density.mean();
     for (int k = 0; k < 3; ++k) EXPECT_TRUE(agree(by_light[k], by_ray[k])) << by_light[k].mean() << " against " << by_ray[k].mean();
   }
+}
+
+// χ² over the pixels, whose solid angles are equal and over which the density is constant. False alarm: 1e-6.
+TEST(InfiniteLight, DirectionsFollowTheDensity) {
+  constexpr int kSize = 12, kSamples = 200000;
+  std::vector<std::pair<IVec2, Rgb>> lit;
+  Stream pixels(19);
+  for (int i = 0; i < kSize * kSize; ++i) lit.push_back({{i % kSize, i / kSize}, Rgb(i % 7 == 0 ? 0 : std::exp2(6 * pixels.uniform()))});
+  const Lights lights = image_light(picture("chi.pfm", kSize, lit));
+  std::vector<double> count(kSize * kSize);
+  Stream random(20);
+  for (int i = 0; i < kSamples; ++i) {
+    const auto s = lights.sample(0, Vec3(0), random.uniform2(), 0);
+    if (!s) continue;  // a direction on the border of a pixel, rounded into a dark neighbour
+    const DVec2 p = sphere_to_octahedral(DVec3(s->wi)) * static_cast<double>(kSize);
+    count[std::min<size_t>(static_cast<size_t>(p.y), kSize - 1) * kSize + std::min<size_t>(static_cast<size_t>(p.x), kSize - 1)] += 1;
+  }
+  double statistic = 0, total = 0;
+  int degrees = -1;
+  for (int y = 0; y < kSize; ++y)
+    for (int x = 0; x < kSize; ++x) {
+      const DVec2 centre((x + 0.5) / kSize, (y + 0.5) / kSize);
+      const double p =
+          static_cast<double>(lights.environment_pdf(Vec3(octahedral_to_sphere(centre)))) * 4 * std::numbers::pi / (kSize * kSize);
+      const double observed = count[static_cast<size_t>(y * kSize + x)], expected = p * kSamples;
+      total += p;
+      if (expected == 0) {
+        EXPECT_EQ(observed, 0);
+        continue;
+      }
+      statistic += (observed - expected) * (observed - expected) / expected;
+      ++degrees;
+    }
+  EXPECT_NEAR(total, 1, 1e-5);
+  EXPECT_GT(testing::chi_square_p_value(statistic, degrees), 1e-6) << statistic << " for " << degrees;
 }
 
 TEST(InfiniteLight, PicturePointsWhereTheFormatSays) {
