@@ -204,6 +204,20 @@ TEST(HardCases, N55_a_grid_under_any_transform_is_the_grid) {
   expect_same_depths(grid, "Transform [ 0 .5 0 0  3 0 0 0  0 0 -1.5 0  1 2 3 1 ]\n", uneven, 1);
 }
 
+TEST(HardCases, N65_mean_cosines_beyond_0_9999_are_an_error_at_load) {
+  const std::string medium = "MakeNamedMedium \"m\" \"string type\" \"homogeneous\" \"float g\" ";
+  for (const char* g : {"0.9999", "-0.9999"}) EXPECT_EQ(error_of_scene(looking_at(medium + g + "\n")), "no error") << g;
+  for (const char* g : {"0.99991", "-0.99991", "1", "-1", "1.5"}) {
+    EXPECT_THAT(error_of_scene(looking_at(medium + g + "\n")), HasSubstr("main.pbrt:4:")) << g;
+    EXPECT_THAT(error_of_scene(looking_at(medium + g + "\n")), HasSubstr("0.9999")) << g;
+  }
+  // What was read is what is used: no smaller bound hides behind the reader's.
+  const SceneFolder folder;
+  const auto world = build_world(folder.read(looking_at(medium + "0.9999\n" + "Shape \"sphere\"\n")));
+  const Rgb forward = world->media[0].phase_at(Vec3(0)).eval({0, 0, 1}, {0, 0, -1});
+  EXPECT_NEAR(forward.x / (1.9999 / (4 * M_PI * 1e-8)), 1, 1e-3);
+}
+
 TEST(HardCases, N66_a_grid_with_coordinates_of_1e5_is_the_grid) {
   // Eighths are exact in float at 1e5; the path through the box is not, unless it is taken relative to the box.
   Stream random(4);
@@ -268,6 +282,37 @@ TEST(HardCases, N67_active_tiles_half_voxels_and_negative_corners_of_a_vdb_have_
     const double expected = std::exp(-depth_between(*world, place({-40, 6, -7}), place({40, 6, -7})));
     EXPECT_NEAR(mean_transmittance(*world, place({-40, 6, -7}), place({40, 6, -7}), 20000), expected, 2.5 / std::sqrt(20000.0));
   }
+}
+
+// The index box of a tree may lie anywhere: the same blobs at negative indices, moved back by the transform.
+TEST(HardCases, N55_a_vdb_with_a_negative_index_box_is_the_one_at_the_origin) {
+  openvdb::initialize();
+  const auto blobs = [](IVec3 shift) {
+    const auto grid = openvdb::FloatGrid::create(0.0f);
+    Stream random(8);
+    for (int i = 0; i < 3000; ++i) {
+      const auto n = [&] { return static_cast<int>(random.next_u32() % 24); };
+      const int x = n(), y = n(), z = n();
+      grid->tree().setValue(openvdb::Coord(x + shift.x, y + shift.y, z + shift.z), random.uniform());
+    }
+    return grid;
+  };
+  const IVec3 shift(-301, -77, -5);
+  const SceneFolder folder;
+  folder.write("v.vdb", vdb_file(blobs(IVec3(0)), 0.25, DVec3(0)));
+  const auto at_origin = build_world(folder.read(looking_at(kVdb)));
+  folder.write("v.vdb", vdb_file(blobs(shift), 0.25, -0.25 * DVec3(shift)));
+  const auto negative = build_world(folder.read(looking_at(kVdb)));
+  Stream random(9);
+  double sum = 0;
+  for (int i = 0; i < 300; ++i) {
+    const auto point = [&] { return 8.0 * DVec3(random.uniform_double(), random.uniform_double(), random.uniform_double()) - 1.0; };
+    const DVec3 from = point(), to = point();
+    const double expected = depth_between(*at_origin, from, to);
+    sum += expected;
+    EXPECT_NEAR(depth_between(*negative, from, to), expected, 1e-4) << i;
+  }
+  EXPECT_GT(sum, 30);
 }
 
 }  // namespace

@@ -116,5 +116,18 @@ TEST(HardCases, N56_reflectance_is_exact_at_optical_depths_1e2_1e3_1e4) {
     }
 }
 
+// Clipped to 0.99, the reflectance of this slab would be ten times what it is.
+TEST(HardCases, N65_a_mean_cosine_of_0_9999_is_exact) {
+  const double tau = 1000;
+  const SlabWalk walk = walk_slab(tau, 1, 0.9999, 3000, 7);
+  const SlabCase slab{.tau = tau, .albedo = 1, .g = 0.9999};
+  const Estimate r = estimate(slab_scene(slab, SlabSide::kReflectance), 2500, 8),
+                 t = estimate(slab_scene(slab, SlabSide::kTransmittance), 1000, 9);
+  EXPECT_LE(std::abs(r.mean[1] - walk.reflectance.mean), kStandardErrors * std::hypot(r.error[1], walk.reflectance.error()))
+      << r.mean[1] << " ± " << r.error[1] << ", by a random walk " << walk.reflectance.mean << " ± " << walk.reflectance.error();
+  EXPECT_LE(std::hypot(r.error[1], walk.reflectance.error()), 0.01);
+  EXPECT_LE(std::abs(r.mean[1] + t.mean[1] - 1), 3 * std::hypot(r.error[1], t.error[1]) + kRounding);
+}
+
 }  // namespace
 }  // namespace woodcock::testing
