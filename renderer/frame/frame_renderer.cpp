@@ -8,6 +8,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "renderer/core/arithmetic.h"
 #include "renderer/frame/estimator_settings.h"
 #include "renderer/frame/frame_header.h"
 #include "renderer/world/world.h"
@@ -56,6 +57,8 @@ struct FrameRenderer::Impl {
 FrameRenderer::FrameRenderer(const std::string& scene_path, const FrameSettings& settings, const ReadOptions& options,
                              const std::function<void(const char* phase)>& phase)
     : impl_(std::make_unique<Impl>()) {
+  if (const char* fault = arithmetic_fault())
+    throw std::runtime_error(std::string("this build cannot render: ") + fault + "; build with the flags of cmake/Compiler.cmake");
   if (phase) phase("loading");
   ReadOptions read = options;
   read.allow_unsupported |= settings.allow_unsupported;
@@ -109,8 +112,8 @@ std::optional<Tile> FrameRenderer::render(const PixelRect& rect, const SampleRan
     PixelAccumulator accumulator(range);
     uint64_t reported_samples = 0;
     for (int64_t i = range.begin; i < range.end; ++i) {
-      const PathKey key =
-          path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i), 0, impl_->low_discrepancy);
+      const PathKey key = path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i), 0,
+                                   impl_->low_discrepancy);
       const CameraSample camera = camera_sample(*impl_->world, key, x, y);
       PathResult path = impl_->radiance(*impl_->world, settings, camera.ray, key, count);
       accumulator.push(leaf(developed(path, camera.weight, film, count), {path.albedo, path.normal, path.depth}, i));

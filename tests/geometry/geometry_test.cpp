@@ -8,59 +8,14 @@
 #include "renderer/core/random.h"
 #include "renderer/core/warp.h"
 #include "renderer/geometry/patch.h"
+#include "tests/geometry/shapes.h"
 
 namespace woodcock {
 namespace {
 
-Quadric sphere_at(DVec3 center, double radius) {
-  Quadric q;
-  q.radius = radius;
-  q.z_min = -radius;
-  q.z_max = radius;
-  q.render_from_object = DMat4(1);
-  q.render_from_object[3] = glm::dvec4(center, 1);
-  q.object_from_render = glm::inverse(q.render_from_object);
-  return q;
-}
-
-/// A square in the plane z = 0 of half extent `e`, cut into n × n cells of two triangles.
-Mesh plane(float e, int n) {
-  Mesh mesh;
-  for (int y = 0; y <= n; ++y) {
-    for (int x = 0; x <= n; ++x) {
-      mesh.positions.push_back(
-          {-e + 2 * e * static_cast<float>(x) / static_cast<float>(n), -e + 2 * e * static_cast<float>(y) / static_cast<float>(n), 0});
-    }
-  }
-  for (int y = 0; y < n; ++y) {
-    for (int x = 0; x < n; ++x) {
-      const auto a = static_cast<uint32_t>(y * (n + 1) + x), b = a + 1, c = a + static_cast<uint32_t>(n) + 1, d = c + 1;
-      mesh.triangles.push_back({a, b, d});
-      mesh.triangles.push_back({a, d, c});
-    }
-  }
-  return mesh;
-}
-
-Geometry only(Shape shape) {
-  std::vector<Shape> shapes;
-  shapes.push_back(std::move(shape));
-  return Geometry(std::move(shapes), 1, {}, {});
-}
-
-TEST(Geometry, SphereHitMatchesTheClosedFormFromFarAway) {
-  // N30: b² − 4ac would lose every digit here.
-  for (const double distance : {10.0, 1e3, 1e5}) {
-    const Geometry g = only({sphere_at({0, 0, 0}, 1e-3), false});
-    const Ray ray{Vec3(0, 0, static_cast<float>(-distance)), Vec3(0, 0, 1)};
-    const auto hit = g.intersect(ray, kInf);
-    ASSERT_TRUE(hit) << distance;
-    EXPECT_NEAR(hit->t, distance - 1e-3, 1e-9 * distance);
-    const SurfacePoint s = g.surface(*hit, ray);
-    EXPECT_NEAR(s.p.z, -1e-3f, 1e-9f);
-    EXPECT_NEAR(s.ng.z, -1, 1e-6f);
-  }
-}
+using testing::only;
+using testing::plane;
+using testing::sphere_at;
 
 TEST(Geometry, ARayFromASphereNeverMeetsTheSideItLeft) {
   const Geometry g = only({sphere_at({3, -2, 5}, 0.7), false});
@@ -80,27 +35,6 @@ TEST(Geometry, ARayFromASphereNeverMeetsTheSideItLeft) {
     // A chord's length changes by the rounding of its start and offset of its start (about 2e-6) over the cosine.
     const double cosine = glm::dot(DVec3(out), DVec3(s.ng));
     EXPECT_NEAR(through->t, 1.4 * cosine, 3e-6 / std::max(cosine, 1e-3));
-  }
-}
-
-TEST(Geometry, ThePlaneOfAHugeTriangleIsNotMetAgain) {
-  // N63: the bound must not grow with the triangle, however the plane is cut.
-  for (const int cuts : {1, 7, 64}) {
-    const Geometry g = only({plane(1e4f, cuts), false});
-    Stream random(2);
-    for (int i = 0; i < 20000; ++i) {
-      const Vec3 from(random.uniform2() * 2.0f - 1.0f, 0.3f + random.uniform());
-      const Vec3 down = glm::normalize(Vec3(random.uniform2() * 2.0f - 1.0f, -0.2f));
-      const Ray ray{from, down};
-      const auto hit = g.intersect(ray, kInf);
-      ASSERT_TRUE(hit);
-      const SurfacePoint s = g.surface(*hit, ray);
-      EXPECT_LT(std::abs(s.p.z), 1e-9f);
-      const Vec3 grazing = glm::normalize(Vec3(random.uniform2() * 2.0f - 1.0f, 1e-4f));
-      const Vec3 origin = offset_origin(s, grazing);
-      EXPECT_FALSE(g.intersect({origin, grazing}, kInf)) << cuts << " " << i;
-      EXPECT_FALSE(g.occluded({origin, grazing}, 1e3, {})) << cuts << " " << i;
-    }
   }
 }
 

@@ -91,4 +91,31 @@ inline Lights one_light(const LightKind& kind, const DMat4& world_from_light = D
   return Lights(scene, {}, render_from_world, scale, Box3{Vec3(-1), Vec3(1)});
 }
 
+inline Quadric quadric(Quadric::Kind kind) {
+  Quadric q;
+  q.kind = kind;
+  if (kind == Quadric::Kind::kDisk) q.z_min = 0;  // its height
+  return q;
+}
+
+inline Shape triangle_shape(const Mesh& mesh, bool flip = false) {
+  Shape shape;
+  shape.geometry = mesh;
+  shape.flip = flip;
+  return shape;
+}
+/// A square picture of zeros in which `lit` (from the top left) has the given colours.
+inline std::string picture(const std::string& name, int n, const std::vector<std::pair<IVec2, Rgb>>& lit) {
+  std::vector<Rgb> pixels(static_cast<size_t>(n * n), Rgb(0));
+  for (const auto& [at, value] : lit) pixels[static_cast<size_t>(at.y * n + at.x)] = value;
+  return write_pfm(name, n, n, pixels);
+}
+
+inline Lights image_light(const std::string& file, const DMat4& world_from_light = DMat4(1), float illuminance = 0) {
+  InfiniteLightDescription light;
+  light.image_file = file;
+  light.illuminance = illuminance;
+  return one_light(light, world_from_light);
+}
+
 }  // namespace woodcock::test

@@ -1,4 +1,4 @@
-// What one path reports beside its radiance, and what its random numbers depend on (hard cases N45, N58).
+// What one path reports beside its radiance, and what its random numbers depend on (tests/hard_cases has more).
 #include "renderer/transport/path.h"
 
 #include <fmt/format.h>
@@ -82,51 +82,6 @@ TEST(FirstEvent, NormalsOfInstancesAreOfTheWorld) {
       1)[0];
   EXPECT_NEAR(std::abs(r.normal.x), 1, 1e-6);
   EXPECT_NEAR(r.depth, 10, 1e-4);
-}
-
-// With an orthographic camera and an endless glowing medium all pixels see the same: their means must scatter as
-// independent samples do, alone and in blocks. Σ (mean − m)² n/σ² is χ² distributed; its z by Wilson & Hilferty 1931
-// is beyond 4.9 once in a million seeds.
-TEST(RandomNumbers, OfPixelsAreIndependent) {
-  const int size = 32, samples = 64;
-  std::string text =
-      homogeneous("m", Rgb(0.5f), Rgb(1.5f), 0.5, Rgb(1)) + "MediumInterface \"\" \"m\"\n" + perspective({0, 0, 4}, {0, 0, 0}, 10, 3);
-  const std::string perspective_camera = "Camera \"perspective\" \"float fov\" 10";
-  text.replace(text.find(perspective_camera), perspective_camera.size(), "Camera \"orthographic\"");
-  const CompiledScene scene = compile(text + "WorldBegin\n");
-  PathCounters counters;
-  std::vector<double> means;
-  double mean = 0, m2 = 0, n = 0;
-  for (int pixel = 0; pixel < size * size; ++pixel) {
-    double sum = 0;
-    for (int i = 0; i < samples; ++i) {
-      const int x = pixel % size, y = pixel / size;
-      const PathKey key = path_key(frame_seed(9, 0), static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i));
-      const CameraSample camera = camera_sample(*scene.world, key, x % scene.width, y % scene.height);
-      const double value = static_cast<double>(trace_path(*scene.world, scene.settings, camera.ray, key, counters).radiance.g);
-      sum += value;
-      n += 1;
-      const double delta = value - mean;
-      mean += delta / n;
-      m2 += delta * (value - mean);
-    }
-    means.push_back(sum / samples);
-  }
-  const double variance = m2 / (n - 1);
-  for (const int block : {1, 2, 4, 8}) {
-    double chi2 = 0, blocks = 0;
-    for (int by = 0; by < size; by += block)
-      for (int bx = 0; bx < size; bx += block) {
-        double sum = 0;
-        for (int y = by; y < by + block; ++y)
-          for (int x = bx; x < bx + block; ++x) sum += means[static_cast<size_t>(y * size + x)];
-        const double area = block * block, d = sum / area - mean;
-        chi2 += d * d * area * samples / variance;
-        blocks += 1;
-      }
-    const double k = blocks - 1, z = (std::cbrt(chi2 / k) - (1 - 2 / (9 * k))) / std::sqrt(2 / (9 * k));
-    EXPECT_LT(std::abs(z), kStandardErrors) << "blocks of " << block << ": chi2 " << chi2 << " for " << k;
-  }
 }
 
 TEST(RandomNumbers, AreNotShiftedByWhatNoRayMeets) {

@@ -54,6 +54,21 @@ std::vector<Furnace> furnaces() {
                                         "Material \"diffuse\" \"rgb reflectance\" [ 1 1 1 ]\n"
                                         "Shape \"sphere\" \"float radius\" 1 \"float alpha\" 0.5\n"});
 
+  all.push_back(ball("Mirror", "Material \"conductor\" \"rgb reflectance\" [ 1 1 1 ]", 2e-4));
+  // As in pbrt-v4 the reflectance of a metal is at most 0.9999. A single facet reflects 0.99 of what a mirror of this roughness would.
+  all.push_back(ball("RoughMirror",
+                     "Material \"conductor\" \"rgb reflectance\" [ 1 1 1 ] \"float roughness\" 0.1 \"bool remaproughness\" false", 0.03));
+  all.push_back(ball("CoatedWhite",
+                     "Material \"coateddiffuse\" \"rgb reflectance\" [ 1 1 1 ] \"rgb albedo\" [ 1 1 1 ] \"float thickness\" 0.5 \"float "
+                     "roughness\" 0 \"integer maxdepth\" 100000"));
+  all.back().resolution = 0.01;
+  all.push_back(ball("CoatedMirror",
+                     "Material \"coatedconductor\" \"rgb reflectance\" [ 1 1 1 ] \"rgb albedo\" [ 1 1 1 ] \"float thickness\" 0.5 \"float "
+                     "interface.roughness\" 0 \"float conductor.roughness\" 0 \"integer maxdepth\" 100000"));
+  all.back().resolution = 0.01;
+  all.back().samples = 5000;
+  all.push_back(ball("SubsurfaceWithoutAbsorption", "Material \"subsurface\" \"rgb sigma_a\" [ 0 0 0 ] \"rgb sigma_s\" [ 2 2 2 ]"));
+
   const double half = 1.5;
   const Rgb none(0), sigma(2);
   const auto in_ball = [&](const std::string& name, const std::string& medium, const std::string& material) {

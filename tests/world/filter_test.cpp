@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "renderer/core/random.h"
+#include "tests/support/chi_square.h"
 
 namespace woodcock {
 namespace {
@@ -103,6 +104,36 @@ TEST(PixelFilter, WeightedSamplesHaveTheMomentsOfTheFilter) {
       const double mean = sum[k] / kSamples, variance = squares[k] / kSamples - mean * mean;
       // Five standard errors (a false alarm in 1.7 million) and the error of the tabulated filter.
       EXPECT_NEAR(mean, x_moment[k] * y_moment[k], 5 * std::sqrt(variance / kSamples) + 2e-5) << "function " << k;
+    }
+  }
+}
+
+// χ² of both axes against |f|, cut into 20 cells each. False alarm: 1e-6 an axis.
+TEST(PixelFilter, OffsetsFollowTheAbsoluteValueOfTheFilter) {
+  constexpr int kCells = 20, kSamples = 200000;
+  for (const FilterDescription& f : all()) {
+    SCOPED_TRACE(static_cast<int>(f.kind));
+    const PixelFilter sampler(f);
+    std::array<std::array<double, kCells>, 2> count{};
+    Stream random(23);
+    for (int i = 0; i < kSamples; ++i) {
+      const DVec2 offset = sampler.sample(random.uniform2()).offset;
+      const DVec2 cell = (offset / DVec2(f.x_radius, f.y_radius) + 1.0) * 0.5 * static_cast<double>(kCells);
+      for (int axis = 0; axis < 2; ++axis) ++count[axis][std::min<size_t>(kCells - 1, static_cast<size_t>(cell[axis]))];
+    }
+    for (int axis = 0; axis < 2; ++axis) {
+      const double radius = axis == 0 ? f.x_radius : f.y_radius, total = integral(
+                                                                     f, radius, [](double) { return 1.0; }, true);
+      double statistic = 0;
+      int degrees = -1;
+      for (int i = 0; i < kCells; ++i) {
+        const auto in_cell = [&](double x) { return static_cast<int>((x / radius + 1) * 0.5 * kCells) == i ? 1.0 : 0.0; };
+        const double expected = kSamples * integral(f, radius, in_cell, true) / total, d = count[axis][static_cast<size_t>(i)] - expected;
+        if (expected < 5) continue;
+        statistic += d * d / expected;
+        ++degrees;
+      }
+      EXPECT_GT(testing::chi_square_p_value(statistic, degrees), 1e-6) << "axis " << axis << ": " << statistic << " for " << degrees;
     }
   }
 }

@@ -1,4 +1,4 @@
-// The size of a scene, its place, and the number of mean free paths across it (hard cases N12, N26, N27, N60).
+// The size of a scene, its place, and the number of mean free paths across it.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@ namespace {
 
 // Seen from outside, a ball of a thousand mean free paths is a half space, and so is one of a hundred thousand, where
 // floats next to the boundary are not much finer than a mean free path: what scatters there must stay inside.
-TEST(DenseBodies, LookTheSameFromAThousandMeanFreePathsOn) {
+TEST(HardCases, N12_dense_bodies_look_the_same_from_a_thousand_mean_free_paths_on) {
   const auto ball = [](float sigma) {
     return perspective({0, 0, 4}, {0, 0, 0}, 20, 100000) + "WorldBegin\n" + environment(1) +
            homogeneous("m", Rgb(0.02f * sigma), Rgb(0.98f * sigma)) + boundary("m", "", sphere(1));
@@ -36,17 +36,17 @@ std::string everything(double s, DVec3 at = DVec3(0)) {
          environment(0.2f);
 }
 
-TEST(Scale, ByAPowerOfTwoGivesTheSameBits) {
+TEST(HardCases, N60_a_scale_of_a_power_of_two_gives_the_same_bits) {
   const std::vector<Rgb> reference = radiances(compile(everything(1)), 3000, 1);
   for (const double s : {0x1p-20, 0.5, 0x1p13}) EXPECT_EQ(radiances(compile(everything(s)), 3000, 1), reference) << s;
 }
 
-TEST(Scale, OfAnySizeGivesTheSamePicture) {
+TEST(HardCases, N27_scenes_of_any_size_give_the_same_picture) {
   const Estimate reference = estimate(everything(1), 40000, 1);
   for (const double s : {1e-4, 1e5}) expect_equal(estimate(everything(s), 40000, 2), reference, 0.03, fmt::format("scale {}", s));
 }
 
-TEST(Place, FarFromTheOriginGivesTheSamePicture) {
+TEST(HardCases, N26_scenes_far_from_the_origin_give_the_same_picture) {
   const Estimate reference = estimate(everything(1), 40000, 1);
   for (const DVec3 at : {DVec3(1e5, 0, 0), DVec3(-3e4, 1e5, 7e4)})
     expect_equal(estimate(everything(1, at), 40000, 3), reference, 0.03, fmt::format("moved by {} {} {}", at.x, at.y, at.z));

@@ -1,5 +1,5 @@
-// Scenes whose radiance is known in closed form: what counts as depth (hard case N21), emission and transmittance over
-// many orders of optical depth (N50, N51, N56), the same in every container (N19).
+// Scenes whose radiance is known in closed form: what counts as depth, emission and transmittance over many orders of
+// optical depth, the same in every container.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@ std::string endless(const std::string& medium, int max_depth, const std::string&
   return medium + "MediumInterface \"\" \"m\"\n" + perspective({0.1, 0.2, 0.3}, {1, 1, 2}, 60, max_depth) + "WorldBegin\n" + shapes;
 }
 
-TEST(Depth, CountsScatteringsAtSurfaces) {
+TEST(HardCases, N21_depth_counts_scatterings_at_surfaces) {
   // A closed room: each depth adds one reflection, E (1 + a + a² + …).
   const auto room = [](int depth) {
     return perspective({0.1, 0.2, 0.3}, {1, 0.5, 0.2}, 90, depth) +
@@ -28,7 +28,7 @@ TEST(Depth, CountsScatteringsAtSurfaces) {
   expect_value(estimate(room(2), 40000, 1), 2 * 1.96, 2e-3, "depth 2");
 }
 
-TEST(Depth, CountsScatteringsInMedia) {
+TEST(HardCases, N21_depth_counts_scatterings_in_media) {
   // Emission j at every point, albedo a: j/σt (1 + a + a² + …).
   const std::string medium = homogeneous("m", Rgb(0.5f), Rgb(1.5f), 0.4, Rgb(3));
   const double once = 0.5 * 3 / 2.0;
@@ -41,7 +41,7 @@ TEST(Depth, CountsScatteringsInMedia) {
   }
 }
 
-TEST(Depth, DoesNotCountNullCollisions) {
+TEST(HardCases, N21_depth_does_not_count_null_collisions) {
   // The grid's majorant is far above its density in the ball.
   const auto ball = [](const std::string& medium, int depth) {
     return perspective({0, 0, 4}, {0, 0, 0}, 25, depth) + "WorldBegin\n" + environment(1) + medium + boundary("m", "", sphere(1));
@@ -66,7 +66,7 @@ std::string along_a_diameter(const std::string& medium, float background) {
   return perspective({0, 0, 4}, {0, 0, 0}, 0.1, 5) + "WorldBegin\n" + environment(background) + medium + boundary("m", "", sphere(1));
 }
 
-TEST(Emission, OfASegmentIsSeenThroughItsOwnAbsorption) {
+TEST(HardCases, N50_emission_is_seen_through_its_own_absorption_however_thin_or_thick) {
   for (const double tau : {1e-6, 1e-3, 0.1, 1.0, 5.0, 100.0, 1e3, 1e4}) {
     // Thin media glow as bright as thick ones: it is the product with the length that is held.
     const auto sigma = static_cast<float>(tau / 2), le = static_cast<float>(1 / std::min(1.0, tau));
@@ -80,7 +80,7 @@ TEST(Emission, OfASegmentIsSeenThroughItsOwnAbsorption) {
   }
 }
 
-TEST(Emission, OfOneChannelLeavesTheOthersAlone) {
+TEST(HardCases, N57_a_channel_without_absorption_does_not_emit_on_a_way_without_end) {
   // The channel that does not absorb does not emit, however long the way is.
   const Estimate e = estimate(endless(homogeneous("m", {1, 0, 2}, Rgb(0), 0, Rgb(3)), 5), 1000, 1);
   EXPECT_NEAR(e.mean[0], 3, 1e-5);
@@ -88,7 +88,7 @@ TEST(Emission, OfOneChannelLeavesTheOthersAlone) {
   EXPECT_NEAR(e.mean[2], 3, 1e-5);
 }
 
-TEST(Transmittance, StaysFiniteAndRightAtAnyDepth) {
+TEST(HardCases, N56_transmittance_is_finite_and_right_at_any_optical_depth) {
   for (const double tau : {1e-3, 1.0, 10.0, 1e2, 1e3, 1e4}) {
     const auto sigma = static_cast<float>(tau / 2);
     for (const std::string& medium : {homogeneous("m", Rgb(sigma), Rgb(0)), constant_grid("m", Rgb(sigma), Rgb(0), 1.5),
@@ -109,7 +109,7 @@ TEST(Transmittance, StaysFiniteAndRightAtAnyDepth) {
   }
 }
 
-TEST(Transmittance, OfAnEndlessMediumIsZeroOrOne) {
+TEST(HardCases, N51_transmittance_of_a_medium_without_end_is_zero_or_one) {
   // A floor under a distant light that shines straight down; the camera is a unit above it. Green is not attenuated.
   const std::string floor =
       homogeneous("m", {0.1f, 0, 2}, Rgb(0)) + "MediumInterface \"\" \"m\"\n" + perspective({0, 1, 0}, {0, 0, 0}, 10, 1) +
@@ -122,7 +122,7 @@ TEST(Transmittance, OfAnEndlessMediumIsZeroOrOne) {
   EXPECT_EQ(e.counters.nonfinite, 0u);
 }
 
-TEST(EmptyGrid, IsVacuumToTheBit) {
+TEST(HardCases, N09_an_empty_grid_is_vacuum_to_the_bit) {
   const auto scene = [](const std::string& medium) {
     std::string zeros;
     for (int i = 0; i < 27; ++i) zeros += " 0";

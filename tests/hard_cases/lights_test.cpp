@@ -1,0 +1,163 @@
+// Lights at the limits: without area, of no size, next to the point that they light, huge; environments of one pixel.
+#include <gtest/gtest.h>
+
+#include <glm/gtc/matrix_transform.hpp>
+#include <numbers>
+
+#include "renderer/core/warp.h"
+#include "tests/lights/light_fixtures.h"
+
+namespace woodcock::test {
+namespace {
+
+TEST(HardCases, N29_a_lamp_without_area_gives_no_samples_and_no_nan) {
+  Mesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 1, 1}, {2, 2, 2}};
+  mesh.triangles = {{0, 1, 2}, {0, 0, 0}};
+  const Lights lights = lights_of(emitting({}), {triangle_shape(mesh)});
+  EXPECT_FALSE(lights.sample(0, {0, 1, 0}, {0.5f, 0.5f}, 0.5f));
+  EXPECT_EQ(lights.pdf(0, {0, 1, 0}, {{1, 1, 1}, {0, 0, 1}, {0, 0}, 0}, {1, 0, 0}), 0);
+  EXPECT_TRUE(is_black(lights.power(0)));
+}
+
+TEST(HardCases, N31_tiny_and_very_close_spheres_keep_their_solid_angle) {
+  const Quadric unit = quadric(Quadric::Kind::kSphere);
+  AreaLightDescription light;
+  // Half a millionth of a degree wide: the solid angle is π (r/d)².
+  const double angle = 1e-6 * std::numbers::pi / 180 / 2;
+  const Shape far = quadric_shape(unit, glm::scale(glm::translate(DMat4(1), DVec3(0, 0, 1000)), DVec3(1000 * angle)));
+  const auto s = lights_of(emitting(light), {far}).sample(0, Vec3(0), {0.3f, 0.7f}, 0);
+  ASSERT_TRUE(s);
+  EXPECT_NEAR(1 / static_cast<double>(s->pdf), std::numbers::pi * angle * angle, 1e-6 * std::numbers::pi * angle * angle);
+  EXPECT_NEAR(static_cast<double>(s->wi.z), 1, 1e-7);
+  // 1e-6 above a sphere of radius 1 it fills nearly a hemisphere: 1 − cos = 1 − √(1 − 1/d²).
+  const Shape near = quadric_shape(unit, DMat4(1));
+  const float z = 1 + 1e-6f;
+  const double d = static_cast<double>(z), solid_angle = 2 * std::numbers::pi * (1 - std::sqrt((d - 1) * (d + 1)) / d);
+  Stream random(5);
+  for (int i = 0; i < 1000; ++i) {
+    const auto t = lights_of(emitting(light), {near}).sample(0, Vec3(0, 0, z), random.uniform2(), 0);
+    if (!t) continue;
+    EXPECT_NEAR(1 / static_cast<double>(t->pdf), solid_angle, 1e-5 * solid_angle);
+    EXPECT_NEAR(glm::length(t->p), 1, 1e-6);
+  }
+}
+
+TEST(HardCases, N49_an_environment_of_one_pixel_equals_a_constant) {
+  InfiniteLightDescription constant;
+  constant.radiance = Rgb(0.5f, 1, 2);
+  const Lights a = one_light(constant), b = image_light(picture("one.pfm", 1, {{{0, 0}, {0.5f, 1, 2}}}));
+  Stream random(2);
+  for (int i = 0; i < 10000; ++i) {
+    const Vec3 w = square_to_sphere(random.uniform2());
+    EXPECT_EQ(a.environment(w), b.environment(w));
+    EXPECT_FLOAT_EQ(a.environment_pdf(w), b.environment_pdf(w));
+    const auto s = b.sample(0, Vec3(0), random.uniform2(), 0);
+    ASSERT_TRUE(s);
+    EXPECT_EQ(s->radiance, Rgb(0.5f, 1, 2));
+    EXPECT_FLOAT_EQ(s->pdf, 0.25f * kInvPi);
+  }
+  EXPECT_NEAR(a.power(0).g, b.power(0).g, 1e-5f * a.power(0).g);
+}
+
+TEST(HardCases, N49_one_lit_pixel_carries_its_share_of_the_sphere) {
+  constexpr int kSize = 8;
+  // A middle pixel, the fold at the equator, an edge, a corner (the south pole) and one beside the north pole.
+  for (const IVec2 at : {IVec2(2, 3), IVec2(1, 1), IVec2(0, 4), IVec2(7, 7), IVec2(4, 4)}) {
+    const Lights lights = image_light(picture("lit.pfm", kSize, {{at, Rgb(3)}}));
+    const double solid_angle = 4 * std::numbers::pi / (kSize * kSize);
+    Stream random(4);
+    Estimate by_ray, density;
+    for (int i = 0; i < 200000; ++i) {
+      const Vec3 w = square_to_sphere(random.uniform2());
+      by_ray.add(static_cast<double>(lights.environment(w).g) * 4 * std::numbers::pi);
+      density.add(static_cast<double>(lights.environment_pdf(w)) * 4 * std::numbers::pi);
+    }
+    EXPECT_TRUE(agree(by_ray, 3 * solid_angle));
+    EXPECT_TRUE(agree(density, 1));
+    int lost = 0;
+    for (int i = 0; i < 10000; ++i) {
+      const auto s = lights.sample(0, Vec3(0), random.uniform2(), 0);
+      // Only directions on the border may be rounded into a dark neighbour.
+      if (!s) {
+        ++lost;
+        continue;
+      }
+      EXPECT_NEAR(static_cast<double>(s->radiance.g / s->pdf), 3 * solid_angle, 1e-5);
+    }
+    EXPECT_LE(lost, 2);
+  }
+}
+
+TEST(HardCases, N64_a_huge_triangle_near_the_horizon_has_its_exact_irradiance) {
+  // A rectangle from x = 1 to 1e5, 2e5 wide, 1e-3 above the plane of the receiver; the exact irradiance of a receiver
+  // that faces along +x comes from Lambert's formula for polygons.
+  Mesh mesh;
+  const float h = 1e-3f;
+  mesh.positions = {{1, h, -1e5f}, {1e5f, h, -1e5f}, {1e5f, h, 1e5f}, {1, h, 1e5f}};
+  mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  const Shape shape = triangle_shape(mesh);
+  AreaLightDescription light;
+  light.two_sided = true;
+  const Lights lights = lights_of(emitting(light), {shape});
+  const DVec3 n(1, 0, 0);
+  double exact = 0;
+  for (int i = 0; i < 4; ++i) {
+    const DVec3 a = glm::normalize(DVec3(mesh.positions[static_cast<size_t>(i)]));
+    const DVec3 b = glm::normalize(DVec3(mesh.positions[static_cast<size_t>((i + 1) % 4)]));
+    const DVec3 cross = glm::cross(a, b);
+    exact += 0.5 * std::atan2(glm::length(cross), glm::dot(a, b)) * glm::dot(glm::normalize(cross), n);
+  }
+  Estimate irradiance;
+  Stream random(3);
+  for (int i = 0; i < 6000000; ++i) {
+    const auto s = lights.sample(0, Vec3(0), random.uniform2(), random.uniform());
+    irradiance.add(s ? static_cast<double>(s->wi.x / s->pdf) : 0.0);
+  }
+  EXPECT_TRUE(agree(irradiance, std::abs(exact))) << irradiance.mean() << " ± " << irradiance.error() << ", exact " << exact;
+  EXPECT_LT(irradiance.error(), 5e-4 * std::abs(exact));
+}
+
+// Inside of a sphere of light every direction is as bright as any other, and none is a NaN; on it, too.
+TEST(HardCases, N31_a_point_in_or_on_a_sphere_of_light_is_lit_from_all_around) {
+  const Shape ball = quadric_shape(quadric(Quadric::Kind::kSphere), DMat4(1), true);
+  const Lights lights = lights_of(emitting({}), {ball});
+  Stream random(6);
+  for (const Vec3 ref : {Vec3(0), Vec3(0.5f, 0.2f, -0.3f), Vec3(0, 0, 0.9999f), Vec3(0, 0, 1), Vec3(0.6f, 0.8f, 0)})
+    for (int i = 0; i < 2000; ++i) {
+      const auto s = lights.sample(0, ref, random.uniform2(), random.uniform());
+      if (!s) continue;
+      ASSERT_TRUE(is_finite(s->wi) && std::isfinite(s->pdf) && is_finite(s->radiance));
+      if (glm::length(ref) < 0.99999f) {
+        EXPECT_FLOAT_EQ(s->pdf, 0.25f * kInvPi);
+        EXPECT_NEAR(glm::length(ref + s->distance * s->wi), 1, 1e-5);
+      }
+    }
+}
+
+// Facing the centre of a sphere at the distance d, a patch receives π (r/d)², however close the sphere is: by light samples to
+// 0.05 %, and by directions drawn without it.
+TEST(HardCases, N64_a_sphere_very_close_by_has_its_exact_irradiance) {
+  const Shape ball = quadric_shape(quadric(Quadric::Kind::kSphere), DMat4(1));
+  const Lights lights = lights_of(emitting({}), {ball});
+  const Geometry geometry({ball}, 1, {}, {});
+  for (const double gap : {1e-1, 1e-3, 1e-5}) {
+    const auto z = static_cast<float>(1 + gap);
+    const double exact = std::numbers::pi / (static_cast<double>(z) * static_cast<double>(z));
+    Estimate by_light, by_direction;
+    Stream random(7);
+    for (int i = 0; i < 1000000; ++i) {
+      const auto s = lights.sample(0, {0, 0, z}, random.uniform2(), random.uniform());
+      by_light.add(s ? static_cast<double>(-s->wi.z / s->pdf) : 0.0);
+      if (i % 4 != 0) continue;
+      const Vec3 w = square_to_cosine_hemisphere(random.uniform2());
+      by_direction.add(geometry.intersect({{0, 0, z}, -w}, static_cast<double>(kInf)) ? std::numbers::pi : 0);
+    }
+    EXPECT_TRUE(agree(by_light, exact)) << gap << ": " << by_light.mean() << " ± " << by_light.error() << ", exact " << exact;
+    EXPECT_LT(by_light.error(), 1e-3 * exact);
+    EXPECT_TRUE(agree(by_direction, exact)) << gap << ": " << by_direction.mean() << " ± " << by_direction.error() << ", exact " << exact;
+  }
+}
+
+}  // namespace
+}  // namespace woodcock::test
