@@ -91,12 +91,17 @@ class SparseField : public BrickField<float> {
   void set_box(const CellBox& box);
   /// Raises the bounds of a majorant grid over `voxels()` by every value stored.
   void add_bounds(MajorantGrid& bounds) const;
+  /// The average of the positive values' interpolant over the box.
+  double mean() const;
 
   size_t negative_values() const { return negative_; }
   size_t non_finite_values() const { return non_finite_; }
 
  private:
   class Builder;
+  template <typename F>
+  void for_each_block(F f) const;
+
   size_t negative_ = 0, non_finite_ = 0;
 };
 

@@ -76,6 +76,16 @@ float CloudField::at(Vec3 p) const {
   return at_medium(m);
 }
 
+double CloudField::mean() const {
+  constexpr int kSide = 16;
+  double sum = 0;
+  for (int i = 0; i < kSide * kSide * kSide; ++i) {
+    const Vec3 q = (Vec3(IVec3(i % kSide, i / kSide % kSide, i / kSide / kSide)) + 0.5f) / static_cast<float>(kSide);
+    sum += static_cast<double>(at_medium(lower_ + q * (upper_ - lower_)));
+  }
+  return sum / (kSide * kSide * kSide);
+}
+
 float CloudField::at_medium(Vec3 p) const {
   // The octaves' frequencies grow by 1.99, not 2, so that their lattices never line up again.
   constexpr float kOctave = 1.99f;

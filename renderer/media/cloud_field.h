@@ -22,6 +22,9 @@ class CloudField {
   /// The density at a point of medium space, with no regard to the box.
   float at_medium(Vec3 p) const;
 
+  /// The average density over the box, by the midpoint rule on 16³ points.
+  double mean() const;
+
   /// Maps the box p0..p1 to the unit cube.
   const GridMap& map() const { return map_; }
 

@@ -33,6 +33,7 @@ class GridMap {
   DVec3 point_exact(DVec3 p) const { return DVec3(exact_ * glm::dvec4(p, 1)); }
   /// Cells per render unit along a direction.
   DVec3 vector_exact(DVec3 v) const { return DVec3(exact_ * glm::dvec4(v, 0)); }
+  DMat4 render_from_cell() const { return glm::inverse(exact_); }
   /// The edge of a cube with the volume of one cell, in render units.
   double cell_edge() const { return 1 / std::cbrt(std::abs(glm::determinant(glm::dmat3(exact_)))); }
 

@@ -120,9 +120,9 @@ MajorantGrid choose_brick_edge(MajorantGrid finest) {
   return best;
 }
 
-BrickWalk::BrickWalk(const MajorantGrid& grid, const Ray& ray, float t_max) {
+BrickWalk::BrickWalk(const MajorantGrid& grid, const Ray& ray, float t_max, double margin) {
   const DVec3 o = grid.map().point_exact(DVec3(ray.o)), d = grid.map().vector_exact(DVec3(ray.d));
-  const CellBox& box = grid.box();
+  const CellBox box{grid.box().lower - margin, grid.box().upper + margin};
   // Clip to the box. A ray parallel to a pair of faces is inside when it lies between or on them; dividing by its
   // zero (of either sign) is never tried.
   double t0 = 0, t1 = t_max;

@@ -91,8 +91,8 @@ MajorantGrid choose_brick_edge(MajorantGrid finest);
 class BrickWalk {
  public:
   BrickWalk() = default;
-  /// `ray.d` has unit length; t_max may be infinite.
-  BrickWalk(const MajorantGrid& grid, const Ray& ray, float t_max);
+  /// `ray.d` has unit length; t_max may be infinite. The walk begins and ends `margin` cells, at most ½, beyond the box.
+  BrickWalk(const MajorantGrid& grid, const Ray& ray, float t_max, double margin = 0);
 
   /// The next brick with a positive bound, or nothing at the end.
   std::optional<MajorantSegment> next();

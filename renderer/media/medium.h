@@ -6,6 +6,7 @@
 // Units: coefficients are per render unit, that is σ of the scene file divided by the scale of render space.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -15,6 +16,7 @@
 
 #include "renderer/media/brick_field.h"
 #include "renderer/media/cloud_field.h"
+#include "renderer/media/emission_bricks.h"
 #include "renderer/media/majorant_grid.h"
 #include "renderer/media/phase.h"
 #include "renderer/scene/description.h"
@@ -38,7 +40,6 @@ inline float look_up(const FloatField& field, Vec3 p) {
   return std::get_if<CloudField>(&field)->at(p);
 }
 
-class EmissionBricks {public: struct Sample{Vec3 p; float pdf;}; std::optional<Sample> sample(Vec3,float) const {return {};} float pdf(Vec3) const {return 0;}};
 /// One medium. Immutable and thread-safe; the same point gives the same bits on every thread.
 class Medium {
  public:
@@ -47,6 +48,9 @@ class Medium {
   /// count in what the methods say, except for bounds: these hold for σa + σs, so they bound σs as well.
   Medium(const MediumDescription& description, const DMat4& render_from_world, double scale, std::vector<std::string>& notes,
          const TransferTerms& terms = {});
+  /// The sum of media that are no sums themselves: coefficients and emission add, phase functions mix by σs. It is
+  /// homogeneous where all of them are.
+  explicit Medium(std::vector<std::shared_ptr<const Medium>> parts);
 
   /// The same everywhere, without bounds of its own.
   bool is_homogeneous() const { return kind_ == Kind::kHomogeneous; }
@@ -62,15 +66,15 @@ class Medium {
     if (kind_ == Kind::kGrid) return unit_.sigma_t.x * density(p);
     return sigma_t(p).x;
   }
-  /// The factor of `unit()` at a render-space point: 1 in homogeneous media. Not for RGB grids, see `is_separable`.
+  /// The factor of `unit()` at a render-space point: 1 in homogeneous media. Only where `is_separable`.
   float density(Vec3 p) const;
   /// The coefficients at density 1; `emission` is set for homogeneous media only.
   const MediumPoint& unit() const { return unit_; }
-  /// σa and σs are `density` times constants: true for all kinds but RGB grids.
-  bool is_separable() const { return kind_ != Kind::kRgbGrid; }
+  /// σa and σs are `density` times constants: true for all kinds but RGB grids and sums.
+  bool is_separable() const { return kind_ == Kind::kHomogeneous || kind_ == Kind::kGrid; }
 
   /// The phase function at a render-space point.
-  PhaseMix phase_at(Vec3) const { return PhaseMix(phase_); }
+  PhaseMix phase_at(Vec3 p) const { return parts_.empty() ? PhaseMix(phase_) : mixed_phase(p); }
   /// Somewhere σs > 0.
   bool scatters() const { return scatters_; }
   /// Somewhere σa · Le > 0.
@@ -90,18 +94,22 @@ class Medium {
     return true;
   }
   /// σt and σs are a density times constants that are equal in all channels.
-  bool is_achromatic() const {
-    return is_separable() && grey_ && unit_.sigma_s.x == unit_.sigma_s.y && unit_.sigma_s.y == unit_.sigma_s.z;
-  }
-  double mean_sigma_t() const { return is_homogeneous() ? unit_.sigma_t.x : 0.3*maximum_sigma_t_; }
-  const EmissionBricks* emission_bricks() const { return nullptr; }
-  /// The diagonal of the box of a medium that has bounds of its own, in render units.
-  double diagonal() const { return glm::length(majorants_.box().upper - majorants_.box().lower) * majorants_.map().cell_edge(); }
-  /// The bricks of a medium that is not homogeneous.
+  bool is_achromatic() const { return is_separable() && grey_ && unit_.sigma_s.x == unit_.sigma_s.y && unit_.sigma_s.y == unit_.sigma_s.z; }
+  /// The average over its box of the mean channel of σt; of a sum, the sum of its parts' averages. An estimate that does not
+  /// depend on a ray, for the weights of sampling strategies.
+  double mean_sigma_t() const { return mean_sigma_t_; }
+  /// The diagonal of the box in render units; of a sum, that of its smallest part. Infinite for homogeneous media.
+  double diagonal() const;
+  /// The bricks of a medium that is neither homogeneous nor a sum.
   const MajorantGrid& majorants() const { return majorants_; }
+  /// Where the emission of a medium that is not homogeneous comes from; null where there is none. That of the homogeneous
+  /// parts of a sum is left out.
+  const EmissionBricks* emission_bricks() const { return emission_bricks_.get(); }
+  /// What a sum is made of; empty for other media.
+  std::span<const std::shared_ptr<const Medium>> parts() const { return parts_; }
 
  private:
-  enum class Kind { kHomogeneous, kGrid, kRgbGrid };
+  enum class Kind { kHomogeneous, kGrid, kRgbGrid, kSum };
   /// Le = radiance × scale × scale_grid × blackbody(temperature), each factor where there is one.
   struct GridEmission {
     Rgb radiance{0};
@@ -125,9 +133,14 @@ class Medium {
   };
   struct Builder;
 
+  Rgb sigma_s(Vec3 p) const;  ///< not of a sum
+  Rgb sum_of_sigma_t(Vec3 p) const;
+  PhaseMix mixed_phase(Vec3 p) const;
+
   Kind kind_ = Kind::kHomogeneous;
   bool attenuates_ = false, scatters_ = false, emits_ = false, grey_ = true;
   float maximum_sigma_t_ = 0;
+  double mean_sigma_t_ = 0;
   MediumPoint unit_;
   Rgb unit_sigma_a_{0};  ///< whether absorption counts or not: emission is σa · Le
   PhaseFunction phase_;
@@ -135,6 +148,8 @@ class Medium {
   FloatField density_;
   GridEmission emission_;
   RgbGrids rgb_;
+  std::shared_ptr<const EmissionBricks> emission_bricks_;
+  std::vector<std::shared_ptr<const Medium>> parts_;
 };
 
 /// The media of a scene, by their index in `SceneDescription::media`.
@@ -145,35 +160,57 @@ class Media {
   /// `SceneError`.
   Media(const SceneDescription& scene, const DMat4& render_from_world, double scale);
 
-  const Medium& operator[](int index) const { return media_[static_cast<size_t>(index)]; }
+  const Medium& operator[](int index) const { return *media_[static_cast<size_t>(index)]; }
   int size() const { return static_cast<int>(media_.size()); }
   /// What was read differently than the files say; for the user.
   std::span<const std::string> notes() const { return notes_; }
 
  private:
-  std::vector<Medium> media_;
+  std::vector<std::shared_ptr<const Medium>> media_;
   std::vector<std::string> notes_;
 };
 
 /// The parts of a ray where a medium may interact, front to back, each with bounds of σt. Parts in between are empty.
 class MajorantWalk {
  public:
-  /// `ray.d` has unit length; the walk covers [0, t_max], and t_max may be infinite.
-  MajorantWalk(const Medium& medium, const Ray& ray, float t_max, bool = true) {
-    if (!medium.is_homogeneous())
+  /// `ray.d` has unit length; the walk covers [0, t_max], and t_max may be infinite. Without `bricks` it is one segment,
+  /// with the bound of the whole medium.
+  MajorantWalk(const Medium& medium, const Ray& ray, float t_max, bool bricks = true) {
+    if (medium.is_homogeneous()) {
+      if (medium.maximum_sigma_t() > 0 && t_max > 0) whole_ = whole_of(medium, t_max);
+    } else if (!bricks) {
+      whole_ = whole_box_of(medium, ray, t_max);
+    } else if (medium.parts().empty()) {
       bricks_ = BrickWalk(medium.majorants(), ray, t_max);
-    else if (medium.maximum_sigma_t() > 0 && t_max > 0)
-      whole_ = MajorantSegment{0, t_max, medium.maximum_sigma_t(), min_component(medium.homogeneous().sigma_t)};
+    } else {
+      enter_parts(medium, ray, t_max);
+    }
   }
   /// The next segment, or nothing at the end.
   std::optional<MajorantSegment> next() {
     if (whole_) return std::exchange(whole_, std::nullopt);
+    if (!parts_.empty()) return next_of_parts();
     return bricks_.next();
   }
 
  private:
+  /// One part of a sum, and its segment that holds `t_` or comes next.
+  struct Part {
+    std::optional<MajorantSegment> segment;
+    BrickWalk bricks;
+  };
+
+  static MajorantSegment whole_of(const Medium& medium, float t_max) {
+    return {0, t_max, medium.maximum_sigma_t(), min_component(medium.homogeneous().sigma_t)};
+  }
+  static std::optional<MajorantSegment> whole_box_of(const Medium& medium, const Ray& ray, float t_max);
+  void enter_parts(const Medium& sum, const Ray& ray, float t_max);
+  std::optional<MajorantSegment> next_of_parts();
+
   std::optional<MajorantSegment> whole_;
   BrickWalk bricks_;
+  std::vector<Part> parts_;  ///< of a sum
+  float t_ = 0;              ///< where the next segment of a sum begins, or later
 };
 
 /// σs/σt per channel; 0 where there is no extinction.
@@ -188,6 +225,7 @@ inline float Medium::density(Vec3 p) const {
 inline Rgb Medium::sigma_t(Vec3 p) const {
   if (kind_ == Kind::kHomogeneous) return unit_.sigma_t;
   if (kind_ == Kind::kGrid) return unit_.sigma_t * density(p);
+  if (kind_ == Kind::kSum) return sum_of_sigma_t(p);
   return rgb_.sigma_t_of(rgb_.sigma_a_at(p), rgb_.sigma_s_at(p));
 }
 

@@ -1,5 +1,7 @@
 #include "renderer/media/phase.h"
 
+#include <algorithm>
+
 namespace woodcock {
 
 PhaseFunction make_phase_function(const PhaseDescription& description) {
@@ -26,6 +28,36 @@ Deflection sample_other(const PhaseFunction& phase, float u, float u_choice) {
     Deflection operator()(const TabulatedPhase& table) const { return table.sample(u); }
   };
   return std::visit(Sample{u, u_choice}, phase);
+}
+
+PhaseMix::PhaseMix(std::span<const PhaseFunction* const> phases, std::span<const Rgb> sigma_s) : count_(static_cast<int>(phases.size())) {
+  Rgb total{0};
+  for (const Rgb s : sigma_s) total += s;
+  const float mean = average(total);
+  for (size_t i = 0; i < phases.size(); ++i) {
+    phases_[i] = phases[i];
+    for (int c = 0; c < 3; ++c) shares_[i][c] = total[c] > 0 ? sigma_s[i][c] / total[c] : 0;
+    choices_[i] = average(sigma_s[i]) / mean;
+  }
+}
+
+PhaseMix::Mixed PhaseMix::mixed(Vec3 wo, Vec3 wi) const {
+  Mixed sum{Rgb(0), 0};
+  for (int i = 0; i < count_; ++i) {
+    const float p = woodcock::eval(*phases_[i], wo, wi);
+    sum.value += shares_[i] * p;
+    sum.pdf += choices_[i] * p;
+  }
+  return sum;
+}
+
+PhaseMix::Sample PhaseMix::sample_mixed(Vec3 wo, Vec2 u, float u_choice) const {
+  // What is left of the number after the choice is uniform again, for a component with lobes of its own.
+  int i = 0;
+  while (i + 1 < count_ && u_choice >= choices_[i]) u_choice -= choices_[i++];
+  const PhaseSample s = woodcock::sample(*phases_[i], wo, u, std::clamp(u_choice / choices_[i], 0.0f, kOneMinusEpsilon));
+  const Mixed sum = mixed(wo, s.wi);
+  return {s.wi, sum.pdf, sum.value / sum.pdf};
 }
 
 }  // namespace woodcock

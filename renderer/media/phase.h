@@ -4,6 +4,7 @@
 // it, so that sampled directions weigh exactly 1.
 #pragma once
 
+#include <span>
 #include <variant>
 
 #include "renderer/media/henyey_greenstein.h"
@@ -36,7 +37,8 @@ inline PhaseSample sample(const PhaseFunction& phase, Vec3 wo, Vec2 u, float u_c
   return {deflect(wo, c, u.y), eval_other(phase, c)};
 }
 
-/// The phase function at one point of a medium, as estimators see it.
+/// The phase function at one point of a medium, as estimators see it: that of the medium, or of the parts of a sum, mixed in
+/// each channel in proportion to their σs there.
 class PhaseMix {
  public:
   struct Sample {
@@ -45,20 +47,39 @@ class PhaseMix {
     Rgb weight;  ///< eval / pdf per channel
   };
 
-  explicit PhaseMix(const PhaseFunction& phase) : phase_(&phase) {}
+  explicit PhaseMix(const PhaseFunction& phase) : count_(1), phases_{&phase} {}
+  /// At most kMostSummedMedia, at least one, each with a σs that is not black.
+  PhaseMix(std::span<const PhaseFunction* const> phases, std::span<const Rgb> sigma_s);
 
   /// Density per steradian and channel; directions as for `deflection`.
-  Rgb eval(Vec3 wo, Vec3 wi) const { return Rgb(woodcock::eval(*phase_, wo, wi)); }
+  Rgb eval(Vec3 wo, Vec3 wi) const {
+    if (count_ == 1) return Rgb(woodcock::eval(*phases_[0], wo, wi));
+    return mixed(wo, wi).value;
+  }
   /// The density with which `sample` gives `wi`.
-  float pdf(Vec3 wo, Vec3 wi) const { return woodcock::eval(*phase_, wo, wi); }
+  float pdf(Vec3 wo, Vec3 wi) const {
+    if (count_ == 1) return woodcock::eval(*phases_[0], wo, wi);
+    return mixed(wo, wi).pdf;
+  }
   /// u in [0,1)² for the direction, `u_choice` in [0,1) for the choice of a component.
   Sample sample(Vec3 wo, Vec2 u, float u_choice) const {
-    const PhaseSample s = woodcock::sample(*phase_, wo, u, u_choice);
+    if (count_ > 1) return sample_mixed(wo, u, u_choice);
+    const PhaseSample s = woodcock::sample(*phases_[0], wo, u, u_choice);
     return {s.wi, s.pdf, Rgb(1)};
   }
 
  private:
-  const PhaseFunction* phase_;
+  struct Mixed {
+    Rgb value;
+    float pdf;
+  };
+  Mixed mixed(Vec3 wo, Vec3 wi) const;
+  Sample sample_mixed(Vec3 wo, Vec2 u, float u_choice) const;
+
+  int count_;
+  const PhaseFunction* phases_[kMostSummedMedia];
+  Rgb shares_[kMostSummedMedia];     ///< σs over the sum of σs, per channel; unset for one component, as the next
+  float choices_[kMostSummedMedia];  ///< probability of each component: its share of the mean σs
 };
 
 }  // namespace woodcock

@@ -9,6 +9,8 @@
 #include <optional>
 #include <stdexcept>
 
+#include "renderer/media/grid_mean.h"
+
 namespace woodcock {
 
 namespace {
@@ -146,7 +148,9 @@ void SparseField::set_box(const CellBox& box) {
   upper_ = Vec3(box_.upper);
 }
 
-void SparseField::add_bounds(MajorantGrid& bounds) const {
+/// Calls f(first, last, value) for every voxel or constant block of voxels that is positive, each voxel once.
+template <typename F>
+void SparseField::for_each_block(F f) const {
   const auto values_of = [&](int brick) { return values_.data() + static_cast<size_t>(brick) * kBrickValues; };
   const auto constant = [&](int brick) {
     const float* v = values_of(brick);
@@ -157,7 +161,7 @@ void SparseField::add_bounds(MajorantGrid& bounds) const {
     const IVec3 node_corner = kNodeCells * IVec3(n % node_size_.x, n / node_size_.x % node_size_.y, n / node_size_.x / node_size_.y);
     const int* bricks = bricks_.data() + (static_cast<size_t>(nodes_[n]) << 12);
     if (bricks[0] >= 0 && std::all_of(bricks, bricks + 4096, [&](int b) { return b == bricks[0]; }) && constant(bricks[0])) {
-      bounds.add_block(node_corner, node_corner + (kNodeCells - 1), *values_of(bricks[0]));
+      f(node_corner, node_corner + (kNodeCells - 1), *values_of(bricks[0]));
       continue;
     }
     for (int b = 0; b < 4096; ++b) {
@@ -166,10 +170,34 @@ void SparseField::add_bounds(MajorantGrid& bounds) const {
       const float* v = values_of(bricks[b]);
       for (int z = 0; z < 8; ++z)
         for (int y = 0; y < 8; ++y)
-          for (int x = 0; x < 8; ++x)
-            if (const float value = v[z * kSlice + y * kRow + x]; value > 0) bounds.add_voxel(corner + IVec3(x, y, z), value);
+          for (int x = 0; x < 8; ++x) {
+            const IVec3 voxel = corner + IVec3(x, y, z);
+            if (const float value = v[z * kSlice + y * kRow + x]; value > 0) f(voxel, voxel, value);
+          }
     }
   }
+}
+
+void SparseField::add_bounds(MajorantGrid& bounds) const {
+  for_each_block([&](IVec3 first, IVec3 last, float value) { bounds.add_block(first, last, value); });
+}
+
+double SparseField::mean() const {
+  // Weights of voxels along each axis, summed up from the first, so that those of a block are a difference.
+  std::vector<double> sums[3];
+  for (int i = 0; i < 3; ++i) {
+    const std::vector<double> weights = hat_integrals(node_size_[i] * kNodeCells, box_.lower[i], box_.upper[i]);
+    sums[i].assign(1, 0.0);
+    for (const double w : weights) sums[i].push_back(sums[i].back() + w);
+  }
+  double sum = 0;
+  for_each_block([&](IVec3 first, IVec3 last, float value) {
+    double weight = static_cast<double>(value);
+    for (int i = 0; i < 3; ++i) weight *= sums[i][static_cast<size_t>(last[i] + 1)] - sums[i][static_cast<size_t>(first[i])];
+    sum += weight;
+  });
+  const DVec3 extent = box_.upper - box_.lower;
+  return sum > 0 ? sum / (extent.x * extent.y * extent.z) : 0;
 }
 
 }  // namespace woodcock

@@ -208,7 +208,13 @@ struct CloudMediumDescription {
   float density = 1, wispiness = 1, frequency = 5;
   DVec3 p0{0}, p1{1};
 };
-using MediumKind = std::variant<HomogeneousDescription, GridMediumDescription, RgbGridMediumDescription, CloudMediumDescription>;
+/// Media that overlap, by index: coefficients and emission add, phase functions mix by σs. None is a sum itself.
+inline constexpr int kMostSummedMedia = 8;
+struct SumMediumDescription {
+  std::vector<int> media;
+};
+using MediumKind =
+    std::variant<HomogeneousDescription, GridMediumDescription, RgbGridMediumDescription, CloudMediumDescription, SumMediumDescription>;
 struct MediumDescription {
   std::string name;
   SourceLocation where;

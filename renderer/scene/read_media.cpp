@@ -220,16 +220,25 @@ CloudMediumDescription read_cloud(Parameters& parameters) {
   return cloud;
 }
 
+std::vector<std::string> read_summed(Parameters& parameters) {
+  std::vector<std::string> names = parameters.strings("media");
+  if (names.size() < 2 || names.size() > static_cast<size_t>(kMostSummedMedia))
+    throw SceneError(parameters.place("media"), "found " + std::to_string(names.size()) + " names of \"media\" for " +
+                                                    parameters.directive() + ", expected 2 to " + std::to_string(kMostSummedMedia));
+  return names;
+}
+
 }  // namespace
 
-std::optional<MediumKind> read_medium(const std::string& kind, Parameters& parameters) {
-  if (kind == "homogeneous") return read_homogeneous(parameters);
-  if (kind == "uniformgrid") return read_uniform_grid(parameters);
-  if (kind == "rgbgrid") return read_rgb_grid(parameters);
-  if (kind == "nanovdb" || kind == "openvdb") return read_volume_file(kind, parameters);
-  if (kind == "cloud") return read_cloud(parameters);
+std::optional<ReadMedium> read_medium(const std::string& kind, Parameters& parameters) {
+  if (kind == "homogeneous") return ReadMedium{read_homogeneous(parameters), {}};
+  if (kind == "uniformgrid") return ReadMedium{read_uniform_grid(parameters), {}};
+  if (kind == "rgbgrid") return ReadMedium{read_rgb_grid(parameters), {}};
+  if (kind == "nanovdb" || kind == "openvdb") return ReadMedium{read_volume_file(kind, parameters), {}};
+  if (kind == "cloud") return ReadMedium{read_cloud(parameters), {}};
+  if (kind == "sum") return ReadMedium{SumMediumDescription{}, read_summed(parameters)};
   refuse_kind(parameters.context(), parameters.place("type"), "MakeNamedMedium", kind,
-              {"cloud", "homogeneous", "nanovdb", "openvdb", "rgbgrid", "uniformgrid"}, {});
+              {"cloud", "homogeneous", "nanovdb", "openvdb", "rgbgrid", "sum", "uniformgrid"}, {});
   return std::nullopt;
 }
 

@@ -25,7 +25,12 @@ std::optional<ShapeKind> read_shape(const std::string& kind, Parameters& paramet
 std::optional<LightKind> read_light(const std::string& kind, Parameters& parameters);
 std::optional<AreaLightDescription> read_area_light(const std::string& kind, Parameters& parameters);
 
-std::optional<MediumKind> read_medium(const std::string& kind, Parameters& parameters);
+/// A medium. The names of a `sum` are resolved by the builder.
+struct ReadMedium {
+  MediumKind kind;
+  std::vector<std::string> summed;
+};
+std::optional<ReadMedium> read_medium(const std::string& kind, Parameters& parameters);
 
 FloatTextureDescription read_float_texture(const std::string& name, const std::string& kind, const DMat4& world_from_texture,
                                            Parameters& parameters);

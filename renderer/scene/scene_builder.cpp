@@ -358,8 +358,10 @@ void SceneBuilder::make_named_medium(const std::string& name, ParameterList list
   const DMat4 transform = current_transform("MakeNamedMedium", where);
   if (auto medium = read_medium(kind, parameters)) {
     parameters.finish();
+    if (auto* sum = std::get_if<SumMediumDescription>(&medium->kind))
+      for (const std::string& part : medium->summed) sum->media.push_back(medium_references_.refer(part, parameters.place("media")));
     medium_names_[name] = static_cast<int>(context_.scene.media.size());
-    context_.scene.media.push_back({name, where, transform, std::move(*medium)});
+    context_.scene.media.push_back({name, where, transform, std::move(medium->kind)});
   }
 }
 
@@ -467,6 +469,16 @@ void SceneBuilder::check_mixes() const {
   }
 }
 
+void SceneBuilder::resolve_sum(const MediumDescription& medium, SumMediumDescription& sum) const {
+  for (int& part : sum.media) {
+    part = medium_references_.target(part);
+    const MediumDescription& summed = context_.scene.media[static_cast<size_t>(part)];
+    if (std::holds_alternative<SumMediumDescription>(summed.kind))
+      throw SceneError(medium.where, "found the sum \"" + summed.name + "\" in the sum \"" + medium.name +
+                                         "\", expected media that are no sums; name its media here instead");
+  }
+}
+
 void SceneBuilder::resolve_interface(MediumInterfaceDescription& media) const {
   media.inside = medium_references_.target(media.inside);
   media.outside = medium_references_.target(media.outside);
@@ -508,6 +520,8 @@ void SceneBuilder::finish(const SourceLocation& where) {
       mix->material2 = material_references_.target(mix->material2);
     }
   check_mixes();
+  for (MediumDescription& medium : scene.media)
+    if (auto* sum = std::get_if<SumMediumDescription>(&medium.kind)) resolve_sum(medium, *sum);
   for (ShapeDescription& shape : scene.shapes) resolve_shape(shape);
   for (ObjectDescription& object : scene.objects)
     for (ShapeDescription& shape : object.shapes) resolve_shape(shape);

@@ -113,6 +113,7 @@ class SceneBuilder {
   void build_materials();
   void check_mixes() const;
   void resolve_shape(ShapeDescription& shape);
+  void resolve_sum(const MediumDescription& medium, SumMediumDescription& sum) const;
   void resolve_interface(MediumInterfaceDescription& media) const;
   void warn_about_surface_integrator();
 

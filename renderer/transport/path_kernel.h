@@ -445,24 +445,25 @@ class PathKernel {
   /// A point of an emitting grid, its bricks chosen by power: ∫ f T σa Le dω dt over the points of the medium.
   template <typename Evaluate>
   void sample_emission(Vec3 reference, Evaluate&& evaluate) {
+    if (world_.emissive_media.empty()) return;
     Stream random = stream(key_, vertex_, Purpose::kEmission);
     const Vec2 u = random.uniform2();
     const int chosen = world_.choose_emissive(random.uniform());
     const Medium& medium = world_.media[chosen];
-    const auto brick = medium.emission_bricks()->sample({u.x, u.y, random.uniform()}, random.uniform());
-    if (!brick) return;
-    Vec3 to = brick->p - reference;
+    const float u_z = random.uniform();
+    const auto brick = medium.emission_bricks()->sample({u.x, u.y, u_z}, random.uniform_double());
+    Vec3 to = brick.p - reference;
     float distance = glm::length(to);
     if (!(distance > 0)) return;
     ++count_.medium_lookups;
     ++count_.emission_lookups;
-    const Rgb emission = medium.at(brick->p).emission;
+    const Rgb emission = medium.at(brick.p).emission;
     if (is_black(emission)) return;
     Scattered scattered;
     evaluate(to / distance, scattered);
     if (is_black(scattered.value)) return;
-    const float density = world_.emissive_pmf(chosen) * brick->pdf * distance * distance;
-    to = brick->p - scattered.shadow.o;
+    const float density = world_.emissive_pmf(chosen) * brick.pdf * distance * distance;
+    to = brick.p - scattered.shadow.o;
     distance = glm::length(to);
     if (!(distance > 0)) return;
     scattered.shadow.d = to / distance;

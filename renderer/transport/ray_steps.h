@@ -1,7 +1,7 @@
 // Fixed steps along a ray: what marching estimators share.
 #pragma once
 
-#include "renderer/transport/extent.h"
+#include "renderer/media/extent.h"
 #include "renderer/transport/walk.h"
 
 namespace woodcock {

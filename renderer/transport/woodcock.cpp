@@ -1,6 +1,6 @@
 #include "renderer/transport/woodcock.h"
 
-#include "renderer/transport/extent.h"
+#include "renderer/media/extent.h"
 #include "renderer/transport/walk.h"
 
 namespace woodcock {

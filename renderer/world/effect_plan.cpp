@@ -13,7 +13,8 @@ std::set<int> placed_objects(const SceneDescription& scene) {
   return placed;
 }
 
-/// The media that some ray can be in.
+}  // namespace
+
 std::set<int> reachable_media(const SceneDescription& scene, const World& world) {
   std::set<int> reachable;
   const auto add = [&](int medium) {
@@ -31,6 +32,8 @@ std::set<int> reachable_media(const SceneDescription& scene, const World& world)
   add(world.camera_medium);
   return reachable;
 }
+
+namespace {
 
 class Planner {
  public:

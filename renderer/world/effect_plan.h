@@ -1,6 +1,7 @@
 // Which physical and optical effects a scene calls for, judged by use and not by declaration.
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,9 @@ struct EffectEntry {
   SourceLocation where;  ///< of the first thing that calls for it; line 0 where nothing does
   uint32_t bits = 0;     ///< the Effect it switches on in kernels; 0 where kernels do not tell
 };
+
+/// The media that some ray can be in: those that a placed boundary or the camera leads into.
+std::set<int> reachable_media(const SceneDescription& scene, const World& world);
 
 /// The effects in a fixed order. A medium counts only where a boundary that is placed in the scene, or the camera,
 /// leads into it, a shape of an object only where the object is placed, and only what things really do: an emission

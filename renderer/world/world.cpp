@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "renderer/core/transform.h"
 #include "renderer/scene/scene_error.h"
@@ -191,6 +192,14 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
       break;
     }
   }
+  std::vector<double> powers;
+  for (const int medium : reachable_media(scene, *world))
+    if (const EmissionBricks* bricks = world->media[medium].emission_bricks()) {
+      world->emissive_media.push_back(medium);
+      // One whose glow the estimate missed altogether may stand alone.
+      powers.push_back(std::max(bricks->power(), std::numeric_limits<double>::min()));
+    }
+  world->emissive_choice = DiscreteDistribution(powers);
   world->effects = effect_bits(plan_effects(scene, *world));
   return world;
 }

@@ -124,6 +124,27 @@ TEST(SparseMedium, active_tiles_are_filled_with_their_value) {
   EXPECT_EQ(m.density({20, -124, 156}), 0.75f);
 }
 
+TEST(SparseMedium, mean_extinction_is_the_average_over_the_box) {
+  for (const bool tiles : {false, true}) {
+    const SparseGrid grid = to_sparse(*random_tree(7, {-60, 10, 3}, 40, tiles));
+    const Medium m = make_medium(grid_medium(grid, Rgb(1), Rgb(2)));
+    // Between samples the interpolant is trilinear, whose average over a cell is that of its corners; the box consists of cells.
+    double sum = 0;
+    const IVec3 size = grid.index_max + 1 - grid.index_min;
+    for (int z = 0; z <= size.z; ++z)
+      for (int y = 0; y <= size.y; ++y)
+        for (int x = 0; x <= size.x; ++x) {
+          const IVec3 v(x, y, z);
+          const double value = static_cast<double>(m.density(Vec3(grid.index_min + v)));
+          double weight = 1;
+          for (int i = 0; i < 3; ++i) weight *= v[i] == 0 || v[i] == size[i] ? 0.5 : 1.0;
+          sum += weight * value;
+        }
+    const double volume = static_cast<double>(size.x) * size.y * size.z;
+    EXPECT_NEAR(m.mean_sigma_t(), 3 * sum / volume, 1e-5 * m.mean_sigma_t());
+  }
+}
+
 TEST(SparseMedium, bricks_inside_of_tiles_are_constant_and_those_at_the_ends_of_the_box_have_no_lower_bound) {
   openvdb::initialize();
   auto tree = openvdb::FloatGrid::create(0.5f);  // the background goes on beyond the box, where the medium is zero

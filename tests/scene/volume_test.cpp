@@ -46,6 +46,25 @@ TEST(Media, ImpossibleOnesAreRefused) {
   EXPECT_THAT(world_error("MakeNamedMedium \"\" \"string type\" \"homogeneous\""), HasSubstr("vacuum"));
 }
 
+TEST(Media, SumsNameTheirPartsBeforeOrAfterTheseAreDefined) {
+  const std::string a = "MakeNamedMedium \"a\" \"string type\" \"homogeneous\"\n", b = "MakeNamedMedium \"b\" \"string type\" \"cloud\"\n";
+  const std::string sum = "MakeNamedMedium \"s\" \"string type\" \"sum\" \"string media\" [\"b\" \"a\" \"b\"]\n";
+  EXPECT_EQ(std::get<SumMediumDescription>(read_world(a + b + sum).media[2].kind).media, (std::vector<int>{1, 0, 1}));
+  EXPECT_EQ(std::get<SumMediumDescription>(read_world(sum + a + b).media[0].kind).media, (std::vector<int>{2, 1, 2}));
+}
+
+TEST(Media, ImpossibleSumsAreRefusedWithTheirPlace) {
+  const std::string a = "MakeNamedMedium \"a\" \"string type\" \"homogeneous\"\n";
+  const auto error = [&](const std::string& media) { return world_error(a + "MakeNamedMedium \"s\" \"string type\" \"sum\" " + media); };
+  EXPECT_THAT(error(""), AllOf(StartsWith("test.pbrt:3:"), HasSubstr("0 names")));
+  EXPECT_THAT(error("\"string media\" \"a\""), HasSubstr("expected 2 to 8"));
+  EXPECT_THAT(error("\"string media\" [\"a\" \"a\" \"a\" \"a\" \"a\" \"a\" \"a\" \"a\" \"a\"]"), HasSubstr("9 names"));
+  EXPECT_THAT(error("\"string media\" [\"a\" \"fog\"]"), AllOf(StartsWith("test.pbrt:3:"), HasSubstr("unknown medium \"fog\"")));
+  EXPECT_THAT(error("\"string media\" [\"a\" \"\"]"), HasSubstr("unknown medium \"\""));
+  EXPECT_THAT(error("\"string media\" [\"a\" \"s\"]"), AllOf(StartsWith("test.pbrt:3:"), HasSubstr("no sums")));
+  EXPECT_THAT(error("\"string media\" [\"a\" \"a\"] \"float g\" 0"), HasSubstr("unknown parameter \"float g\""));
+}
+
 template <typename Phase>
 Phase phase(const std::string& text) {
   return std::get<Phase>(medium<HomogeneousDescription>("\"homogeneous\" \"string phase\" " + text).phase);

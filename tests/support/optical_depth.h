@@ -13,6 +13,11 @@ namespace woodcock::testing {
 /// look-ups (about 1e-6). Not for procedural clouds.
 inline DVec3 optical_depth_exact(const Medium& medium, const Ray& ray, double t0, double t1) {
   if (medium.is_homogeneous()) return DVec3(medium.homogeneous().sigma_t) * (t1 - t0);
+  if (!medium.parts().empty()) {
+    DVec3 sum{0};
+    for (const auto& part : medium.parts()) sum += optical_depth_exact(*part, ray, t0, t1);
+    return sum;
+  }
   const MajorantGrid& grid = medium.majorants();
   const DVec3 o = grid.map().point_exact(DVec3(ray.o)), d = grid.map().vector_exact(DVec3(ray.d));
   std::vector<double> cuts{t0, t1};

@@ -108,6 +108,13 @@ std::vector<Furnace> furnaces() {
   with_phase("Draine", "\"draine\" \"float g\" 0.5 \"float alpha\" 20");
   with_phase("Mie", "\"mie\" \"float dropletdiameter\" 10");
   with_phase("Tabulated", "\"tabulated\" \"float phaseangles\" [ 0 10 90 180 ] \"float phasevalues\" [ 3 0.2 0 0.1 ]");
+  // Media that overlap: the sum of a fog and of a grid that fills a part of the ball, with phase functions of their own.
+  const std::string summed =
+      homogeneous("f", none, {1, 2, 3}, 0.8) + constant_grid("c", none, {3, 1, 2}, 0.5, -0.5) + homogeneous("h", none, {2, 0, 1}, -0.3);
+  in_ball("SumOfHomogeneous", summed + "MakeNamedMedium \"m\" \"string type\" \"sum\" \"string media\" [ \"f\" \"h\" ]\n", interface);
+  all.back().resolution = 7e-3;
+  in_ball("SumWithGrid", summed + "MakeNamedMedium \"m\" \"string type\" \"sum\" \"string media\" [ \"f\" \"c\" \"h\" ]\n", interface);
+  all.back().resolution = 0.015;
   in_ball("MediumInGlass", homogeneous("m", none, sigma), glass);
   in_ball("GridInGlass", constant_grid("m", none, sigma, half), glass);
   in_ball("MediumInRoughGlass", homogeneous("m", none, sigma),

@@ -13,11 +13,19 @@ struct Extent {
   double begin = 0, end = 0;
 };
 
-/// The part of ray.at(0 … t_max) that lies in the box of a grid; all of it where the medium is homogeneous. In double, so that a
-/// march over it meets the same points whatever the scene's size.
+/// The part of ray.at(0 … t_max) that lies in the box of a grid; all of it where the medium is homogeneous; of a sum, from the
+/// first of its parts to the last. In double, so that a march over it meets the same points whatever the scene's size.
 inline Extent extent_of(const Medium& medium, const Ray& ray, float t_max) {
   Extent extent{0, static_cast<double>(t_max)};
   if (medium.is_homogeneous()) return extent;
+  if (!medium.parts().empty()) {
+    Extent hull{std::numeric_limits<double>::infinity(), 0};
+    for (const auto& part : medium.parts()) {
+      const Extent of_part = extent_of(*part, ray, t_max);
+      if (of_part.begin < of_part.end) hull = {std::min(hull.begin, of_part.begin), std::max(hull.end, of_part.end)};
+    }
+    return hull;
+  }
   const CellBox& box = medium.majorants().box();
   const DVec3 o = medium.majorants().map().point_exact(DVec3(ray.o)), d = medium.majorants().map().vector_exact(DVec3(ray.d));
   for (int i = 0; i < 3; ++i) {
