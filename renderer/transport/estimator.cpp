@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <set>
 
 #include "renderer/scene/scene_error.h"
 #include "renderer/transport/line.h"
 #include "renderer/transport/march.h"
 #include "renderer/transport/uniform_path.h"
 #include "renderer/transport/woodcock.h"
+#include "renderer/world/effect_plan.h"
 
 namespace woodcock {
 namespace {
@@ -93,21 +93,6 @@ const char* delta_kind(const LightKind& kind) {
   return nullptr;
 }
 
-/// The media that boundaries and the camera lead into.
-std::set<int> used_media(const SceneDescription& scene, const World& world) {
-  std::set<int> used{world.camera_medium};
-  const auto add = [&](const ShapeDescription& shape) {
-    if (shape.media.given) used.insert({shape.media.inside, shape.media.outside});
-  };
-  std::for_each(scene.shapes.begin(), scene.shapes.end(), add);
-  for (const InstanceDescription& instance : scene.instances) {
-    const auto& shapes = scene.objects[static_cast<size_t>(instance.object)].shapes;
-    std::for_each(shapes.begin(), shapes.end(), add);
-  }
-  used.erase(kNone);
-  return used;
-}
-
 std::string name_in_quotes(const EstimatorInfo& estimator) { return std::string("\"") + estimator.name + "\""; }
 
 }  // namespace
@@ -146,7 +131,7 @@ void refuse_lights(const EstimatorInfo& estimator, const SceneDescription& scene
 
 void refuse_media(const EstimatorInfo& estimator, const SceneDescription& scene, const World& world) {
   if (estimator.media_scatter) return;
-  for (const int medium : used_media(scene, world)) {
+  for (const int medium : reachable_media(scene, world)) {
     if (!world.media[medium].scatters()) continue;
     const MediumDescription& description = scene.media[static_cast<size_t>(medium)];
     throw SceneError(description.where, "found the medium \"" + description.name + "\", which scatters, and the estimator " +
