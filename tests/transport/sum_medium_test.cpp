@@ -1,5 +1,5 @@
 // Media that overlap, said by a medium of type `sum` (hard case N15): the sum is the same light as one medium with the
-// coefficients added, in closed form, in noise, and against a grid resampled.
+// coefficients added, in closed form, in noise, against a grid resampled, and by every estimator.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -81,6 +81,23 @@ TEST(SumOfMedia, N15_parts_that_glow_add_their_light) {
   const double opaque = (1 - std::exp(-2 * 0.75)) / 0.75;
   expect_value(estimate(text, 40000, 12), {(0.5 * 2) * opaque, (0.5 * 1 + 0.25 * 4) * opaque, (0.25 * 4) * opaque}, 0.01,
                "glow of grid and fog");
+}
+
+TEST(SumOfMedia, N15_every_estimator_that_tracks_or_marches_sees_all_parts) {
+  // Absorbing and glowing, so that all of them apply: two grids, of which the smaller ends inside of the ball. Marching estimators may be
+  // off by their step.
+  const std::string parts = constant_grid("c", Rgb(0.5f), Rgb(0), 0.4, 0, {2, 1, 0}) +
+                            constant_grid("f", Rgb(0.25f), Rgb(0), 0.7, 0, {0, 4, 4}) + sum("m", "\"f\" \"c\"");
+  const std::string text = ball_of(parts, 5, 5);
+  const Estimate reference = estimate(text, 40000, 13);
+  for (const EstimatorInfo& e : estimators()) {
+    const Estimate other = estimate(with_estimator(compile(text), {e.name, e.step ? 0.01 : 0}), 40000, 14);
+    if (!e.biased()) {
+      expect_equal(reference, other, 0.02, e.name);
+      continue;
+    }
+    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(other.mean[c], reference.mean[c], 0.03 * reference.mean[c]) << e.name;
+  }
 }
 
 TEST(SumOfMedia, N15_without_a_sum_the_last_boundary_decides) {
