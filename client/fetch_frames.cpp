@@ -79,7 +79,7 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
     fmt::print("{}: frame {}{}\n", path.string(), status.frame(), complete ? "" : ", not complete");
     fmt::print("{}: the same picture to look at\n", png.string());
     const ErrorEstimate error = estimate_error(path);
-    fmt::print("{}", format_error(error));
+    fmt::print("{}{}", format_error(error), format_bias(job.settings().estimator()));
     if (complete && job.frame_count() == 1 && job.settings().samples() > 0)
       fmt::print("{}", format_price(error, job.progress().worker_seconds() / static_cast<double>(job.settings().samples())));
   }

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "renderer/transport/estimator.h"
+
 namespace woodcock {
 
 std::vector<std::string> health_warnings(const PathCounters& c) {
@@ -17,6 +19,12 @@ std::vector<std::string> health_warnings(const PathCounters& c) {
 
 void report_health(const PathCounters& counters) {
   for (const std::string& line : health_warnings(counters)) fmt::print(stderr, "warning: {}\n", line);
+}
+
+std::string format_bias(const std::string& estimator) {
+  const EstimatorInfo* info = find_estimator(estimator);
+  if (info == nullptr || !info->biased()) return {};
+  return fmt::format("biased: {}; the errors above are of noise alone\n", info->bias);
 }
 
 PathCounters health_of(const v1::FrameStatus& frame) {

@@ -15,6 +15,9 @@ std::vector<std::string> health_warnings(const PathCounters& counters);
 /// These sentences on standard error.
 void report_health(const PathCounters& counters);
 
+/// A line that says by what an estimator is biased, ending in a newline; empty for one that is not, or is not known here.
+std::string format_bias(const std::string& estimator);
+
 /// The causes alone; the other counters stay 0.
 PathCounters health_of(const v1::FrameStatus& frame);
 /// Sum over the frames that `job` lists.

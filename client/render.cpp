@@ -18,7 +18,6 @@
 #include "renderer/film/exr.h"
 #include "renderer/film/png.h"
 #include "renderer/film/tile.h"
-#include "renderer/transport/estimator.h"
 
 namespace woodcock {
 namespace {
@@ -138,9 +137,7 @@ int run(const RenderOptions& options) {
                result.samples.end, header.width, header.height, format_seconds(render_seconds),
                format_count(static_cast<double>(progress.samples) / std::max(1e-9, render_seconds)), threads);
     fmt::print("{}: the same picture to look at\n", png.string());
-    fmt::print("{}{}", format_error(error), format_price(error, seconds_per_sample));
-    if (const EstimatorInfo* estimator = find_estimator(options.settings.estimator); estimator->biased())
-      fmt::print("biased: {}; none of these errors counts that\n", estimator->bias);
+    fmt::print("{}{}{}", format_error(error), format_bias(options.settings.estimator), format_price(error, seconds_per_sample));
   }
   report_health(progress.counters);
   if (!result.complete) {

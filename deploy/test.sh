@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.." || exit 1
 usage() {
   cat << 'USAGE'
 usage: deploy/test.sh [--long] [--sanitizers]
-  --long        also the tests that take minutes
+  --long        also the tests that take minutes; prints the table of every reference case by every estimator
   --sanitizers  build and run with AddressSanitizer and UndefinedBehaviorSanitizer instead
 Needs Debian 12; installs what is missing, as root or with sudo. Ends with exit code 0 only if tests ran and all passed.
 USAGE
@@ -45,10 +45,17 @@ by_memory=$(($(awk '/MemAvailable/ {print $2}' /proc/meminfo) / 1500000))
 cmake --build "build/$preset" -j "$jobs" || give_up "the build failed"
 
 report="build/$preset/test-report.xml"
-rm -f "$report"
+rm -f "$report" "build/$preset/estimator-table.md"
 ctest --test-dir "build/$preset" -j 2 --output-on-failure --output-junit test-report.xml "${exclude[@]}"
 ctest_code=$?
 [ -s "$report" ] || give_up "ctest wrote no report"
+
+# Made by the long tests: every reference case by every estimator.
+table="build/$preset/estimator-table.md"
+if [ "${#exclude[@]}" -eq 0 ] && [ -s "$table" ]; then
+  echo "== $table"
+  cat "$table"
+fi
 
 count() { grep -o -m 1 "$1=\"[0-9]*\"" "$report" | head -n 1 | tr -dc '0-9'; }
 total=$(count tests)

@@ -125,7 +125,7 @@ EstimatorSettings resolve_estimator(const FrameSettings& settings) {
   return result;
 }
 
-std::vector<std::pair<std::string, std::string>> header_fields(const FrameSettings& settings) {
+std::vector<std::pair<std::string, std::string>> estimator_fields(const FrameSettings& settings) {
   const EstimatorSettings s = resolve_estimator(settings);
   const EstimatorInfo& e = *s.estimator;
   std::vector<std::pair<std::string, std::string>> fields{{"estimator", e.name}, {"biased", e.biased() ? "yes" : "no"}};

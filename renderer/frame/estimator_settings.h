@@ -43,7 +43,7 @@ std::string features_off(const Features& features);
 
 /// The settings that change radiance in words, for the header: estimator, whether it is biased and by what, terms, and
 /// what the estimator takes.
-std::vector<std::pair<std::string, std::string>> header_fields(const FrameSettings& settings);
+std::vector<std::pair<std::string, std::string>> estimator_fields(const FrameSettings& settings);
 
 /// Sentences about what a user should know about these settings.
 std::vector<std::string> setting_warnings(const SceneDescription& scene);

@@ -89,7 +89,7 @@ FrameHeader frame_header(const SceneDescription& scene, const FrameSettings& set
   h.height = scene.film.y_resolution;
   h.bounds = {scene.film.pixel_bounds[0], scene.film.pixel_bounds[2], scene.film.pixel_bounds[1], scene.film.pixel_bounds[3]};
   h.aovs = parse_aovs(settings.aovs);
-  h.settings = header_fields(settings);
+  h.settings = estimator_fields(settings);
   h.settings.emplace_back("max_depth", std::to_string(scene.settings.max_depth));
   h.settings.emplace_back("filter", name_of(scene.film.filter.kind));
   size_t ignored_before = 0;

@@ -110,6 +110,28 @@ TEST_F(BadInput, WrongUsageIsExitCode2) {
   expect_refused(run_command({kWoodcock}), 2, {"subcommand"});
 }
 
+TEST_F(BadInput, OptionsThatTheEstimatorDoesNotTakeAreWrongUsageThatNamesThoseThatDo) {
+  const std::string scene = write("ok.pbrt", kHead + "WorldBegin\nLightSource \"infinite\"\nShape \"sphere\"\n");
+  expect_refused(render(scene, {"--estimator", "magic"}), 2, {"--estimator", "magic", "woodcock-phase"});
+  expect_refused(render(scene, {"--step", "1"}), 2, {"--step", "\"auto\"", "march, line, march-phase"});
+  expect_refused(render(scene, {"--estimator", "march"}), 2, {"--step", "march"});
+  expect_refused(render(scene, {"--estimator", "march", "--step", "0"}), 2, {"--step", "positive"});
+  expect_refused(render(scene, {"--estimator", "march", "--step", "nan"}), 2, {"--step"});
+  expect_refused(render(scene, {"--estimator", "woodcock", "--directions", "2"}), 2, {"--directions", "march, line, march-phase"});
+  expect_refused(render(scene, {"--estimator", "line", "--step", "1", "--directions", "5000"}), 2, {"--directions", "1024"});
+  expect_refused(render(scene, {"--branching", "2"}), 2, {"--branching", "uniform-path"});
+  expect_refused(render(scene, {"--estimator", "woodcock", "--without", "mis"}), 2, {"--without", "auto"});
+  expect_refused(render(scene, {"--without", "light"}), 2, {"--without", "light-sampling"});
+  expect_refused(render(scene, {"--only", "scattering"}), 2, {"--only", "in-scattering"});
+  expect_refused(render(scene, {"--only", ""}), 2, {"--only"});
+  expect_refused(render(scene, {"--plan", "maybe"}), 2, {"--plan"});
+  expect_refused(render(scene, {"--kernel", "small"}), 2, {"--kernel"});
+  // What only the scene can tell is no wrong usage.
+  expect_refused(render(scene, {"--only", "in-scattering", "--max-depth", "1000"}), 1, {"max-depth", "100"});
+  const std::string lamp = write("lamp.pbrt", kHead + "WorldBegin\nLightSource \"point\"\nShape \"sphere\"\n");
+  expect_refused(render(lamp, {"--estimator", "woodcock"}), 1, {"lamp.pbrt:4:1", "point light", "auto"});
+}
+
 TEST_F(BadInput, AnOutputFolderThatDoesNotExistIsNamedBeforeTheWorkBegins) {
   const std::string scene = write("ok.pbrt", kHead + "WorldBegin\nLightSource \"infinite\"\nShape \"sphere\"\n");
   const CommandResult result =

@@ -69,6 +69,28 @@ TEST_P(SameBits, WithTheCoordinatorKilledInTheMiddle) {
   expect_undisturbed(job);
 }
 
+// What estimators are set by reaches the render child: otherwise the bits, or the header, would be others.
+TEST_F(ServiceTest, EstimatorSettingsReachTheWorkers) {
+  start_coordinator();
+  start_worker();
+  const std::string cloud = std::string(WOODCOCK_SOURCE_DIR) + "/scenes/cloud.pbrt";
+  const std::vector<std::vector<std::string>> settings{
+      {"--estimator", "march", "--step", "0.37", "--directions", "2", "--only", "absorption,out-scattering,in-scattering"},
+      {"--estimator", "line", "--step", "0.5", "--directions", "3"},
+      {"--estimator", "uniform-path", "--branching", "2", "--only", "out-scattering"},
+      {"--estimator", "woodcock-phase", "--max-depth", "4"},
+      {"--without", "roulette,mis", "--plan", "off", "--kernel", "full"}};
+  for (size_t i = 0; i < settings.size(); ++i) {
+    std::vector<std::string> arguments{cloud, "--spp", "2", "--resolution", "16x9"};
+    arguments.insert(arguments.end(), settings[i].begin(), settings[i].end());
+    const std::string expected = rendered(arguments), out = path("settings" + std::to_string(i) + ".exr");
+    arguments.insert(arguments.begin(), {"submit", "-o", out});
+    const Ended run = woodcock(arguments);
+    ASSERT_EQ(run.code, 0) << run.err;
+    EXPECT_TRUE(contents(out) == expected) << settings[i][1];
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, SameBits, ::testing::Values("cloud", "effects"), [](const auto& scene) { return scene.param; });
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
+#include <vector>
 
 #include "renderer/frame/frame_renderer.h"
 
@@ -33,19 +34,26 @@ class TemporaryScene {
 }  // namespace
 
 RenderedValue render_value(const std::string& text, uint64_t seed, int log2_samples, const std::string& estimator) {
-  const TemporaryScene scene(text);
   FrameSettings settings;
   settings.seed = seed;
-  settings.samples = int64_t{1} << log2_samples;
   settings.estimator = estimator;
+  return render_value(text, settings, log2_samples, 1);
+}
+
+RenderedValue render_value(const std::string& text, const FrameSettings& settings, int log2_batch, int batches) {
+  const TemporaryScene scene(text);
   const FrameRenderer renderer(scene.path(), settings, ReadOptions{});
   RenderProgress progress;
-  const auto tile = renderer.render(renderer.header().bounds, {0, *settings.samples}, 1, progress);
-  if (!tile) throw std::runtime_error("the render was cancelled");
+  std::vector<double> pixels(static_cast<size_t>(renderer.header().bounds.area()), 0.0);
+  for (int64_t batch = 0; batch < batches; ++batch) {
+    const auto tile = renderer.render(renderer.header().bounds, {batch << log2_batch, (batch + 1) << log2_batch}, 1, progress);
+    if (!tile) throw std::runtime_error("the render was cancelled");
+    for (size_t i = 0; i < pixels.size(); ++i) pixels[i] += static_cast<double>(tile->pixels[i].mean.g) / batches;
+  }
   double mean = 0, m2 = 0, count = 0;
-  for (const PixelStats& pixel : tile->pixels) {
+  for (const double value : pixels) {
     count += 1;
-    const double value = static_cast<double>(pixel.mean.g), delta = value - mean;
+    const double delta = value - mean;
     mean += delta / count;
     m2 += delta * (value - mean);
   }

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 
+#include "renderer/frame/settings.h"
 #include "renderer/transport/counters.h"
 
 namespace woodcock::reference {
@@ -18,6 +19,8 @@ struct RenderedValue {
 /// Renders 2^log2_samples samples in every pixel and averages the green channel (the scenes are grey). Pixels are
 /// independent, whatever the sampler does inside one, so the error of the mean is taken between pixels.
 RenderedValue render_value(const std::string& text, uint64_t seed, int log2_samples, const std::string& estimator = "auto");
+/// The same by any settings, with `batches` times 2^log2_batch samples in every pixel.
+RenderedValue render_value(const std::string& text, const FrameSettings& settings, int log2_batch, int batches);
 
 /// A seed from a name: FNV-1a, so that a test keeps its numbers when others come or go.
 uint64_t seed_of(const std::string& name);
