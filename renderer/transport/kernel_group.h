@@ -14,9 +14,7 @@ std::span<const Kernel> kernel_group() {
 }
 
 inline constexpr uint32_t kDiffuse = kSurfaces | kLightSampling;
-inline constexpr uint32_t kAnySurface = kSurfaces | kGeneralSurfaces | kLightSampling | kCoincidentSurfaces;
-/// Boundaries are passed, and the edges of a mesh coincide.
-inline constexpr uint32_t kBoundaries = kPassableSurfaces | kCoincidentSurfaces;
+inline constexpr uint32_t kAnySurface = kSurfaces | kGeneralSurfaces | kLightSampling;
 inline constexpr uint32_t kScatteringMedium = kVolumeScattering | kLightSampling;
 inline constexpr uint32_t kEmissiveGrid = kVolumeEmission | kEmissionSampling;
 

@@ -4,7 +4,7 @@
 namespace woodcock {
 
 std::span<const Kernel> heterogeneous_kernels() {
-  constexpr uint32_t kMedium = kHeterogeneousMedia | kBoundaries, kScatters = kMedium | kScatteringMedium;
+  constexpr uint32_t kMedium = kHeterogeneousMedia | kPassableSurfaces, kScatters = kMedium | kScatteringMedium;
   return kernel_group<kMedium,                                         //
                       kMedium | kAnySurface,                           //
                       kMedium | kEmissiveGrid,                         //

@@ -4,10 +4,10 @@
 namespace woodcock {
 
 std::span<const Kernel> surface_kernels() {
-  return kernel_group<kDiffuse,                                       //
-                      kSurfaces | kGeneralSurfaces | kLightSampling,  //
-                      kAnySurface,                                    //
-                      kAnySurface | kBoundaries>();
+  return kernel_group<kDiffuse,                      //
+                      kAnySurface,                   //
+                      kDiffuse | kPassableSurfaces,  //
+                      kAnySurface | kPassableSurfaces>();
 }
 
 }  // namespace woodcock

@@ -82,14 +82,14 @@ class PathKernel {
         break;
       }
       const uint32_t vertex_before = vertex_;
-      if (uses(kCoincidentSurfaces) && here_) {
-        if (Junction::Member* member = here_->next(ray_.d, medium_)) {
-          // What coincides with the surface just met comes before anything else, at no distance.
-          if (!meet_surface(member->hit, member->s, member)) break;
+      if (uses(kTouching) && here_) {
+        // What coincides with the surface just met comes before anything else, at no distance.
+        if (const int member = here_->next(ray_.d, medium_); member != kNone) {
+          if (!meet_surface((*here_)[member].hit, (*here_)[member].s, member)) break;
           if (vertex_ != vertex_before) crossings = 0;
           continue;
         }
-        medium_ = here_->medium_behind(world_, ray_, medium_);
+        if (uses(kMedia)) medium_ = here_->medium_behind(world_, ray_, medium_);
         here_.reset();
       }
       ++count_.rays;
@@ -116,6 +116,8 @@ class PathKernel {
 
  private:
   static constexpr uint32_t kMedia = kHomogeneousMedia | kHeterogeneousMedia;
+  /// Surfaces that let something pass, without which it does not matter what coincides.
+  static constexpr uint32_t kTouching = kPassableSurfaces | kGeneralSurfaces;
 
   /// Whether any of these effects is compiled in and planned.
   bool uses(uint32_t effects) const { return (kMask & effects) != 0 && (effects_ & effects) != 0; }
@@ -298,7 +300,8 @@ class PathKernel {
     if (hit.t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit.t)) return p;
     const SurfacePoint s = world_.geometry.surface(hit, ray_);
     const Vec3 towards_us = glm::dot(ray_.d, s.ng) < 0 ? s.ng : -s.ng;
-    if (uses(kCoincidentSurfaces) && may_coincide(surface_info(hit), s.p)) return Junction(world_, ray_, hit).origin(p, -ray_.d);
+    if (uses(kTouching) && may_coincide(world_.surfaces[static_cast<size_t>(hit.shape)], s.p))
+      return Junction(world_, ray_, hit).origin(p, -ray_.d);
     if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
     return offset_origin(s, -ray_.d);
   }
@@ -334,90 +337,65 @@ class PathKernel {
 
   // --- surfaces ------------------------------------------------------------------------------------------
 
-  const SurfaceInfo& surface_info(const Hit& hit) const { return world_.surfaces[static_cast<size_t>(hit.shape)]; }
-
   /// Meets the nearest hit, or of those that coincide with it the one that comes first. False ends the path.
   bool arrive(const Hit& hit) {
     const SurfacePoint s = world_.geometry.surface(hit, ray_);
-    if (!uses(kCoincidentSurfaces) || !may_coincide(surface_info(hit), s.p)) return meet_surface(hit, s, nullptr);
+    if (!uses(kTouching) || !may_coincide(world_.surfaces[static_cast<size_t>(hit.shape)], s.p)) return meet_surface(hit, s, kNone);
     here_.emplace(world_, ray_, hit);
     if (here_->overflowed()) {
       ++count_.truncated;
       return false;
     }
-    if (Junction::Member* member = here_->next(ray_.d, medium_)) return meet_surface(member->hit, member->s, member);
     ray_.o = here_->origin(s.p, ray_.d);
     return true;
   }
 
   /// Where a ray from the surface starts that heads for w.
-  Vec3 origin_of(const SurfacePoint& s, Vec3 w) const {
-    return uses(kCoincidentSurfaces) && here_ ? here_->origin(s.p, w) : offset_origin(s, w);
+  Vec3 origin_of(const SurfacePoint& s, Vec3 w) const { return uses(kTouching) && here_ ? here_->origin(s.p, w) : offset_origin(s, w); }
+
+  /// The path heads for w from a surface, which is this member of the place where the path stands, or kNone.
+  void leave(int member, Vec3 w) {
+    if (uses(kTouching) && member != kNone) here_->leave(member, w);
   }
-  /// After passing or scattering at `member`, where there is one, the path heads for w.
-  void leave(Junction::Member* member, Vec3 w) const {
-    if (uses(kCoincidentSurfaces) && member != nullptr) Junction::leave(*member, w);
-  }
+
   /// Goes on behind a surface that is not there for this path, or is a boundary only.
-  bool pass(const SurfacePoint& s, Junction::Member* member) {
+  bool pass(const SurfacePoint& s, int member) {
     leave(member, ray_.d);
     ray_.o = origin_of(s, ray_.d);
     return true;
   }
 
-  /// Handles a surface, which is a `member` of the place where the path stands if other surfaces coincide with it. False
-  /// ends the path.
-  bool meet_surface(const Hit& hit, const SurfacePoint& s, Junction::Member* member) {
-    const SurfaceInfo& info = surface_info(hit);
+  /// Handles a surface. False ends the path.
+  bool meet_surface(const Hit& hit, const SurfacePoint& s, int member) {
+    const SurfaceInfo& info = world_.surfaces[static_cast<size_t>(hit.shape)];
     const TextureContext context{s.uv, s.p};
     if (uses(kPassableSurfaces) && info.has_alpha && crossing_.uniform() >= world_.textures.eval(info.alpha, context))
       return pass(s, member);
     if (info.light != kNone) add_emission(hit, s, info.light);
     if (uses(kSurfaces) && !info.is_interface) {
-      if (!uses(kGeneralSurfaces)) {
-        const DiffuseBsdf diffuse = world_.materials.diffuse(info.material, context);
-        return scatter_at_surface(s, info, diffuse, s.ns, member, nullptr);
-      }
+      if (!uses(kGeneralSurfaces))
+        return scatter_at_surface(s, info, world_.materials.diffuse(info.material, context), s.ns, member, kNone);
       const int material = world_.materials.resolve(info.material, context, crossing_);
       if (auto bsdf = world_.materials.bsdf(material, context, crossing_)) {
-        Junction::Member* joined = uses(kCoincidentSurfaces) && member != nullptr ? join_dielectrics(*member, *bsdf) : nullptr;
-        const Vec3 ns = world_.materials.shading_normal(material, context, {s.ns, s.dpdu, s.dpdv});
-        return scatter_at_surface(s, info, *bsdf, ns, member, joined);
+        const int joined = uses(kTouching) && here_ ? join_dielectrics(world_, *here_, member, ray_.d, medium_, crossing_, *bsdf) : kNone;
+        return scatter_at_surface(s, info, *bsdf, world_.materials.shading_normal(material, context, {s.ns, s.dpdu, s.dpdv}), member,
+                                  joined);
       }
     }
-    if (uses(kMedia)) medium_ = world_.medium_after(info, s.ng, ray_.d, medium_);
+    medium_ = medium_towards(info, s.ng, ray_.d);
     return pass(s, member);
   }
 
-  /// Where one dielectric body ends and the next begins there is one boundary, whose index is relative: none at all
-  /// between equal bodies. Turns `bsdf`, that of an exit, into it and returns the entry that goes with it.
-  Junction::Member* join_dielectrics(Junction::Member& exit, Bsdf& bsdf) {
-    auto* const left = std::get_if<DielectricBsdf>(&bsdf);
-    if (left == nullptr || exit.outside) return nullptr;
-    const bool outside = exit.outside;
-    Junction::leave(exit, ray_.d);
-    Junction::Member* entry = here_->next(ray_.d, world_.medium_after(surface_info(exit.hit), exit.s.ng, ray_.d, medium_));
-    exit.outside = outside;
-    if (entry == nullptr || !entry->outside) return nullptr;
-    const SurfaceInfo& info = surface_info(entry->hit);
-    if (info.is_interface || info.has_alpha) return nullptr;
-    const TextureContext context{entry->s.uv, entry->s.p};
-    const auto next = world_.materials.bsdf(world_.materials.resolve(info.material, context, crossing_), context, crossing_);
-    const auto* const entered = next ? std::get_if<DielectricBsdf>(&*next) : nullptr;
-    if (entered == nullptr) return nullptr;
-    left->eta /= entered->eta;
-    return entry;
-  }
+  const SurfaceInfo& surface_of(const Junction::Member& m) const { return world_.surfaces[static_cast<size_t>(m.hit.shape)]; }
 
   static Rgb eval_model(const Bsdf& b, Vec3 wo, Vec3 wi, Stream& layered) { return eval(b, wo, wi, layered); }
   static Rgb eval_model(const DiffuseBsdf& b, Vec3 wo, Vec3 wi, Stream&) { return eval(b, wo, wi); }
   static auto sample_model(const Bsdf& b, Vec3 wo, Stream& direction, Stream& layered) { return sample(b, wo, direction, layered); }
   static auto sample_model(const DiffuseBsdf& b, Vec3 wo, Stream& direction, Stream&) { return sample(b, wo, direction); }
 
-  /// `Model` is Bsdf, or DiffuseBsdf where nothing else is there. `joined` is the boundary that a transmission crosses too.
+  /// `Model` is Bsdf, or DiffuseBsdf where nothing else is there. A transmission crosses the member `joined`, too.
   template <typename Model>
-  bool scatter_at_surface(const SurfacePoint& s, const SurfaceInfo& info, const Model& bsdf, Vec3 ns, Junction::Member* member,
-                          Junction::Member* joined) {
+  bool scatter_at_surface(const SurfacePoint& s, const SurfaceInfo& info, const Model& bsdf, Vec3 ns, int member, int joined) {
     const Frame frame = shading_frame(ns, s.dpdu);
     const Vec3 wo = frame.to_local(-ray_.d);
     if (!first_seen_) see_first(albedo(bsdf, wo), ns);
@@ -445,8 +423,8 @@ class PathKernel {
     const Vec3 wi = glm::normalize(frame.to_world(sample->wi));
     medium_ = medium_towards(info, s.ng, wi);
     leave(member, wi);
-    if (uses(kCoincidentSurfaces) && joined != nullptr && sample->transmission) {
-      medium_ = medium_towards(surface_info(joined->hit), joined->s.ng, wi);
+    if (joined != kNone && sample->transmission) {
+      medium_ = medium_towards(surface_of((*here_)[joined]), (*here_)[joined].s.ng, wi);
       leave(joined, wi);
     }
     ray_ = {origin_of(s, wi), wi, ray_.time};
@@ -477,8 +455,8 @@ class PathKernel {
   }
 
   Shadow shadow(const Ray& ray, float distance, int medium, TargetPrimitive target, Stream& random) {
-    return trace_shadow(world_, ray, distance, medium, target, uses(kCoincidentSurfaces) && here_ ? &*here_ : nullptr, random, ways_,
-                        uses(kPassableSurfaces), count_);
+    return trace_shadow(world_, ray, distance, medium, target, random, ways_, uses(kPassableSurfaces), count_,
+                        uses(kTouching) && here_ ? &*here_ : nullptr);
   }
 
   /// Next-event estimation: one light, chosen by power.
@@ -704,9 +682,9 @@ class PathKernel {
   /// have given it (camera, specular).
   Vec3 reference_{0};
   float direction_pdf_ = 0;
-  /// The surfaces where the path stands, if there are several.
-  std::optional<Junction> here_;
   double travelled_ = 0;  ///< since the last scattering, render units
+  /// The surfaces where the path stands, if others may coincide with the one it met.
+  std::optional<Junction> here_;
   bool first_seen_ = false;
   bool ended_ = false;
   bool stopped_ = false;

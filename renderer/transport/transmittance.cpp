@@ -39,9 +39,10 @@ bool pass_surface(const World& world, const Hit& hit, const SurfacePoint& s, Vec
 /// or the end is reached.
 template <typename IsEnd>
 bool pass_junction(const World& world, Junction& here, Vec3 w, int& medium, Stream& random, IsEnd&& is_end) {
-  while (Junction::Member* member = here.next(w, medium)) {
-    if (is_end(member->hit) || !pass_surface(world, member->hit, member->s, w, medium, random)) return false;
-    Junction::leave(*member, w);
+  for (int member = here.next(w, medium); member != kNone; member = here.next(w, medium)) {
+    const Junction::Member& m = here[member];
+    if (is_end(m.hit) || !pass_surface(world, m.hit, m.s, w, medium, random)) return false;
+    here.leave(member, w);
   }
   return true;
 }
@@ -93,8 +94,8 @@ Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, St
   return estimate * collisions.lower_transmittance();
 }
 
-Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, TargetPrimitive target, const Junction* from, Stream& random,
-                    const TransmittanceWays& ways, bool passable_surfaces, PathCounters& count) {
+Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, TargetPrimitive target, Stream& random,
+                    const TransmittanceWays& ways, bool passable_surfaces, PathCounters& count, const Junction* from) {
   ++count.shadow_rays;
   const auto through_medium = [&](Rgb estimate, float length) {
     if (medium == kNone) return estimate;
@@ -105,7 +106,7 @@ Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, Target
     if (!pass_junction(world, here, ray.d, medium, random, [](const Hit&) { return false; })) return {};
     medium = here.medium_behind(world, ray, medium);
   }
-  // Any surface will do, unless it may coincide with the lamp or let light pass.
+  // Any surface is in the way, unless it lets light pass or may coincide with the lamp.
   if (!passable_surfaces && (target.shape == kNone || surface_of(world, target.shape).contacts.empty())) {
     if (world.geometry.occluded(ray, t_max, target)) return {};
     return {through_medium(Rgb(1), t_max), medium};
@@ -128,7 +129,7 @@ Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, Target
       if (here.overflowed()) break;
       if (!pass_junction(world, here, ray.d, behind, random, [&](const Hit& h) { return ends = is_end(h); }) && !ends) return {};
       next_origin = here.origin(s.p, ray.d);
-      behind = here.medium_behind(world, {next_origin, ray.d, ray.time}, behind);
+      if (!ends) behind = here.medium_behind(world, {next_origin, ray.d, ray.time}, behind);
     } else {
       ends = is_end(*hit);
       if (!ends && !pass_surface(world, *hit, s, ray.d, behind, random)) return {};
@@ -136,7 +137,7 @@ Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, Target
     }
     estimate = through_medium(estimate, static_cast<float>(hit->t));
     if (is_black(estimate)) return {};
-    if (ends) return {estimate, medium};
+    if (ends) return {estimate, behind};
     medium = behind;
     ray.o = next_origin;
     left -= hit->t;

@@ -56,7 +56,6 @@ class Planner {
       return s.alpha.texture != kNone || s.alpha.value < 1 ||
              (!is_interface(s) && std::holds_alternative<MixDescription>(scene_.materials[static_cast<size_t>(s.material)].kind));
     });
-    coincident();
     light_sampling();
     equiangular();
     medium(kEmissionSampling, "emissive bricks as lights", "is a grid that emits",
@@ -85,22 +84,6 @@ class Planner {
 
   void add(uint32_t bits, const std::string& effect, bool needed, std::string reason, SourceLocation where = {}) {
     entries_.push_back({effect, needed, std::move(reason), needed ? std::move(where) : SourceLocation{}, bits});
-  }
-
-  /// Whether surfaces may lie on each other, a boundary or a lamp among them (contacts.h).
-  void coincident() {
-    const auto check = [&](const ShapeDescription& s, size_t index) {
-      if (world_.surfaces[index].contacts.empty()) return false;
-      add(kCoincidentSurfaces, "coincident surfaces", true, "a shape touches another where it matters which comes first", s.where);
-      return true;
-    };
-    size_t index = 0;
-    for (const auto& s : scene_.shapes)
-      if (check(s, index++)) return;
-    for (const auto& o : scene_.objects)
-      for (const auto& s : o.shapes)
-        if (check(s, index++)) return;
-    add(kCoincidentSurfaces, "coincident surfaces", false, "no shapes touch where it would matter which comes first");
   }
 
   void light_sampling() {

@@ -18,8 +18,7 @@ enum Effect : uint32_t {
   kLightSampling = 1u << 8,        ///< some light can be sampled from a point
   kEquiangular = 1u << 9,          ///< a bounded light in or beside a medium thin enough that it matters where it stands
   kEmissionSampling = 1u << 10,    ///< a grid emits: its bricks are lights
-  kCoincidentSurfaces = 1u << 11,  ///< surfaces may lie on each other
 };
-inline constexpr uint32_t kAllEffects = (1u << 12) - 1;
+inline constexpr uint32_t kAllEffects = (1u << 11) - 1;
 
 }  // namespace woodcock

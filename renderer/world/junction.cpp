@@ -22,6 +22,16 @@ Junction::Junction(const Geometry& geometry, const std::vector<SurfaceInfo>& sur
   }
 }
 
+// Only what is filled.
+Junction& Junction::operator=(const Junction& other) {
+  surfaces_ = other.surfaces_;
+  d_ = other.d_;
+  count_ = other.count_;
+  overflowed_ = other.overflowed_;
+  std::copy_n(other.members_.begin(), count_, members_.begin());
+  return *this;
+}
+
 /// Whether a is met before b beyond their errors. Surfaces that are told apart by t on the way in have the same order on
 /// the way to w, or the opposite one when w turns back through both. Of boundaries of media the media know better.
 bool Junction::is_surely_before(const Member& a, const Member& b, Vec3 w) const {
@@ -43,15 +53,15 @@ bool Junction::is_preferred(const Member& a, const Member& b, int medium) const 
   return key(a) < key(b);
 }
 
-Junction::Member* Junction::next(Vec3 w, int medium) {
-  Member* best = nullptr;
-  for (Member& m : members()) {
+int Junction::next(Vec3 w, int medium) const {
+  const Member* best = nullptr;
+  for (const Member& m : members()) {
     if (!is_crossed_by(m, w)) continue;
     const bool is_behind = std::any_of(members().begin(), members().end(),
                                        [&](const Member& other) { return is_crossed_by(other, w) && is_surely_before(other, m, w); });
     if (!is_behind && (best == nullptr || is_preferred(m, *best, medium))) best = &m;
   }
-  return best;
+  return best != nullptr ? static_cast<int>(best - members_.data()) : kNone;
 }
 
 std::optional<int> Junction::medium_before() const {
@@ -93,6 +103,22 @@ std::optional<int> first_near_side(const Geometry& geometry, const std::vector<S
     ray.o = offset_origin(s, ray.d);
   }
   return std::nullopt;
+}
+
+int join_dielectrics(const World& world, const Junction& here, int exit, Vec3 d, int medium, Stream& choice, Bsdf& bsdf) {
+  auto* const left = std::get_if<DielectricBsdf>(&bsdf);
+  if (left == nullptr || here[exit].outside) return kNone;
+  const auto info = [&](const Junction::Member& m) -> const SurfaceInfo& { return world.surfaces[static_cast<size_t>(m.hit.shape)]; };
+  Junction behind = here;
+  behind.leave(exit, d);
+  const int entry = behind.next(d, world.medium_after(info(here[exit]), here[exit].s.ng, d, medium));
+  if (entry == kNone || !here[entry].outside || info(here[entry]).is_interface || info(here[entry]).has_alpha) return kNone;
+  const TextureContext context{here[entry].s.uv, here[entry].s.p};
+  const auto next = world.materials.bsdf(world.materials.resolve(info(here[entry]).material, context, choice), context, choice);
+  const auto* const entered = next ? std::get_if<DielectricBsdf>(&*next) : nullptr;
+  if (entered == nullptr) return kNone;
+  left->eta /= entered->eta;
+  return entry;
 }
 
 Vec3 Junction::origin(Vec3 from, Vec3 w) const {

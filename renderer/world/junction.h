@@ -38,12 +38,18 @@ class Junction {
   Junction(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, const Ray& ray, const Hit& hit);
   Junction(const World& world, const Ray& ray, const Hit& hit) : Junction(world.geometry, world.surfaces, ray, hit) {}
 
-  /// The next member to cross on the way to w in `medium`; nullptr when nothing is in the way any more. The pointer lives
-  /// as long as this.
-  Member* next(Vec3 w, int medium);
+  Junction(const Junction& other) { *this = other; }
+  Junction& operator=(const Junction& other);
 
-  /// After passing or scattering at `member` the path heads for w.
-  static void leave(Member& member, Vec3 w) { member.outside = glm::dot(w, member.s.ng) > 0; }
+  /// The index of the next member to cross on the way to w in `medium`; kNone when nothing is in the way any more.
+  int next(Vec3 w, int medium) const;
+  const Member& operator[](int member) const { return members_[static_cast<size_t>(member)]; }
+
+  /// After passing or scattering at a member the path heads for w.
+  void leave(int member, Vec3 w) {
+    Member& m = members_[static_cast<size_t>(member)];
+    m.outside = glm::dot(w, m.s.ng) > 0;
+  }
 
   /// `from`, a point at this place, moved to where a ray to w starts on the right side of all members.
   Vec3 origin(Vec3 from, Vec3 w) const;
@@ -60,7 +66,6 @@ class Junction {
   bool overflowed() const { return overflowed_; }
 
  private:
-  std::span<Member> members() { return {members_.data(), count_}; }
   std::span<const Member> members() const { return {members_.data(), count_}; }
   const SurfaceInfo& info(const Member& m) const { return (*surfaces_)[static_cast<size_t>(m.hit.shape)]; }
   static bool is_crossed_by(const Member& m, Vec3 w) { return !m.repeats && (glm::dot(w, m.s.ng) > 0) != m.outside; }
@@ -76,6 +81,11 @@ class Junction {
 
 /// The near side of the first boundary that the ray meets, looking through everything else; nothing where there is none.
 std::optional<int> first_near_side(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Ray ray);
+
+/// Where one dielectric body ends and the next begins there is one boundary, whose index is relative: none at all between
+/// equal bodies. If the member `exit` of the path's place is such an end, on the way along d in `medium`, turns `bsdf`, its
+/// model, into that boundary and returns the entry that belongs to it; else kNone. `choice` decides mixes.
+int join_dielectrics(const World& world, const Junction& here, int exit, Vec3 d, int medium, Stream& choice, Bsdf& bsdf);
 
 /// Whether what is met at p on this surface may have company, from boxes alone.
 inline bool may_coincide(const SurfaceInfo& surface, Vec3 p) {
