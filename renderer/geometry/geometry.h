@@ -7,6 +7,7 @@
 
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,12 @@ struct TargetPrimitive {
   uint32_t primitive = 0;
 };
 
+/// A shape where it stands in render space, by itself or in an instance.
+struct PlacedShape {
+  int shape = -1;
+  Box3 bounds;
+};
+
 /// Shapes, instances and their acceleration structure: immutable and shareable once built.
 class Geometry {
  public:
@@ -33,15 +40,29 @@ class Geometry {
     DMat4 render_from_object{1};
   };
 
+  /// Where rays start. Embree computes distances in float, some of which have the wrong sign where a ray starts within
+  /// a few units in the last place of a surface: one ray in fifty from there passes unseen through a tilted triangle.
+  /// Harmless on opaque surfaces; next to the boundary of a medium the path would take the medium to be endless. With
+  /// kAnywhere Embree gets its rays from a little before their origin and what is met before the origin is skipped.
+  enum class Starts { kOnSurfaces, kAnywhere };
+
   /// `shapes[0, top_level)` stand in the scene themselves, the others belong to objects.
   /// Throws std::runtime_error where Embree refuses (out of memory).
-  Geometry(std::vector<Shape> shapes, int top_level, std::vector<Object> objects, std::vector<Instance> instances);
+  Geometry(std::vector<Shape> shapes, int top_level, std::vector<Object> objects, std::vector<Instance> instances,
+           Starts starts = Starts::kOnSurfaces);
   ~Geometry();
   Geometry(Geometry&&) noexcept;
   Geometry& operator=(Geometry&&) noexcept;
 
   /// The nearest hit with 0 < t < t_max (t in lengths of ray.d).
   std::optional<Hit> intersect(const Ray& ray, double t_max) const;
+
+  /// All that the ray meets at the place where it met `hit` (a result of intersect), `hit` itself first: every hit whose
+  /// order along the ray is not known for sure, since vertices were rounded to float, since Embree's edges are off by some
+  /// units in the last place, or since a ray that leaves one of the surfaces may start beyond the other. Hits whose exact
+  /// distance is not positive are left out. Returns their number; those for which `found` has no room are counted only.
+  /// Triangles that share an edge or vertex which the ray meets are all given.
+  size_t coincident(const Ray& ray, const Hit& hit, std::span<CoincidentHit> found) const;
 
   /// Whether anything lies at 0 < t < t_max; on `target` only hits before 0.999 t_max count.
   bool occluded(const Ray& ray, double t_max, TargetPrimitive target) const;
@@ -55,13 +76,16 @@ class Geometry {
   const std::vector<Shape>& shapes() const;
   /// Bounds of everything, empty for an empty scene.
   Box3 bounds() const;
+  /// Every shape at top level and in every instance.
+  std::vector<PlacedShape> placed_shapes() const;
+
+  struct Impl;  // embree_scene.h
 
  private:
-  struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 
-/// Render-space bounds of a shape.
+/// Render-space bounds of a shape at top level; object-space bounds of one in an object.
 Box3 bounds_of(const Shape& shape);
 
 }  // namespace woodcock

@@ -17,10 +17,23 @@ struct Hit {
   int instance = -1;       ///< index of the instance, -1 at top level
 };
 
+/// How well the place of a surface is known where a ray meets it.
+struct ErrorBound {
+  double distance = 0;   ///< along the normal: how far the rounding of vertices to float may have moved the surface
+  double cosine = 1;     ///< |cos| of the angle between ray and normal
+  bool at_edge = false;  ///< so near to an edge of the primitive that the neighbour may be met as well, or instead
+};
+
+/// A hit among others at the same place.
+struct CoincidentHit {
+  Hit hit;
+  ErrorBound error;
+};
+
 /// The local geometry of a surface at a hit, in render space.
 struct SurfacePoint {
   Vec3 p;        ///< on the surface to half a unit in the last place of each coordinate
-  Vec3 p_error;  ///< bound of that rounding
+  Vec3 p_error;  ///< bound of that rounding, and of the ray's on its way to an instance
   Vec3 ng;       ///< unit geometric normal, on the side that the scene file calls outside
   Vec3 ns;       ///< unit shading normal, in the hemisphere of ng
   Vec3 dpdu, dpdv;

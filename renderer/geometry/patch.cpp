@@ -26,9 +26,13 @@ std::optional<PrimitiveHit> intersect_patch(const std::array<DVec3, 4>& p, DVec3
   double extent = 0;
   for (const DVec3& corner : p) extent = std::max(extent, glm::dot(corner - o, corner - o));
   const double rounding = 0x1p-46 * std::sqrt(extent / glm::dot(d, d));
+  // Neighbours compute their common edge each in its own way. Where both find the ray beyond it by a rounding it must not
+  // slip through; where both take it, it meets the surface all the same.
+  constexpr double kSlack = 0x1p-40;
   std::optional<PrimitiveHit> nearest;
-  for (const double u : roots) {
-    if (!(u >= 0 && u <= 1)) continue;
+  for (double u : roots) {
+    if (!(u >= -kSlack && u <= 1 + kSlack)) continue;
+    u = std::clamp(u, 0.0, 1.0);
     const DVec3 start = glm::mix(p[0], p[1], u);
     const DVec3 along = glm::mix(p[2], p[3], u) - start;
     const DVec3 to_start = start - o;
@@ -37,8 +41,8 @@ std::optional<PrimitiveHit> intersect_patch(const std::array<DVec3, 4>& p, DVec3
     if (length2 == 0) continue;
     const double v = glm::dot(glm::cross(to_start, d), perpendicular) / length2;
     const double t = glm::dot(glm::cross(to_start, along), perpendicular) / length2;
-    if (v >= 0 && v <= 1 && t > t_min && std::abs(t) > rounding && t < t_max && (!nearest || t < nearest->t))
-      nearest = PrimitiveHit{t, {u, v}};
+    if (v >= -kSlack && v <= 1 + kSlack && t > t_min && std::abs(t) > rounding && t < t_max && (!nearest || t < nearest->t))
+      nearest = PrimitiveHit{t, {u, std::clamp(v, 0.0, 1.0)}};
   }
   return nearest;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace woodcock {
 namespace {
@@ -96,6 +97,24 @@ ParametricPoint parametric_point(const Quadric& q, DVec3 p) {
   }
   r.p = p;
   return r;
+}
+
+double edge_distance(const Quadric& q, DVec3 p) {
+  double distance = std::numeric_limits<double>::infinity();
+  const double rho = std::sqrt(p.x * p.x + p.y * p.y);
+  if (q.kind == Quadric::Kind::kDisk) {
+    distance = q.radius - rho;
+    if (q.inner_radius > 0) distance = std::min(distance, rho - q.inner_radius);
+  } else {
+    const bool sphere = q.kind == Quadric::Kind::kSphere;
+    if (!sphere || q.z_min > -q.radius) distance = std::min(distance, p.z - q.z_min);
+    if (!sphere || q.z_max < q.radius) distance = std::min(distance, q.z_max - p.z);
+  }
+  if (q.phi_max < kTwoPi) {
+    const double phi = azimuth(p);
+    distance = std::min({distance, rho * std::abs(q.phi_max - phi), rho * phi, rho * (kTwoPi - phi)});
+  }
+  return std::max(0.0, distance);
 }
 
 void object_bounds(const Quadric& q, DVec3& lower, DVec3& upper) {

@@ -19,6 +19,15 @@ std::optional<double> intersect(const Quadric& q, DVec3 o, DVec3 d, double t_min
 /// The surface at the object-space point `p`, which is first moved onto the quadric exactly.
 ParametricPoint parametric_point(const Quadric& q, DVec3 p);
 
+/// The direction (of any length) that is normal to the quadric at p, outwards and for a disk along +z.
+inline DVec3 outward(const Quadric& q, DVec3 p) {
+  if (q.kind == Quadric::Kind::kDisk) return {0, 0, 1};
+  return q.kind == Quadric::Kind::kSphere ? p : DVec3(p.x, p.y, 0);
+}
+
+/// How far `p` on the quadric is from where the quadric ends, in object space; infinite for a full sphere.
+double edge_distance(const Quadric& q, DVec3 p);
+
 /// Object-space bounds.
 void object_bounds(const Quadric& q, DVec3& lower, DVec3& upper);
 

@@ -1,0 +1,95 @@
+// Geometry::coincident: what a ray meets at one place, and how well that is known.
+#include <algorithm>
+#include <cmath>
+
+#include "renderer/geometry/embree_scene.h"
+
+namespace woodcock {
+
+ErrorBound Geometry::Impl::error_bound(const Hit& hit, DVec3 o, DVec3 d) const {
+  const DVec3 direction = d;
+  to_object(hit.instance, o, d);
+  const auto& geometry = shapes[hit.shape].geometry;
+  DVec3 n, largest_vertex(0);
+  double half_ulp = 0x1p-24;
+  const auto add = [&](DVec3 p) { largest_vertex = glm::max(largest_vertex, glm::abs(p)); };
+  double edge = 0;  // the distance from the nearest edge
+  if (const auto* mesh = std::get_if<Mesh>(&geometry)) {
+    const auto& t = mesh->triangles[hit.primitive];
+    const DVec3 p0 = mesh->positions[t[0]], p1 = mesh->positions[t[1]], p2 = mesh->positions[t[2]];
+    n = glm::cross(p1 - p0, p2 - p0);
+    for (const DVec3 p : {p0, p1, p2}) add(p);
+    const double b1 = hit.uv.x, b2 = hit.uv.y, longest = std::max({glm::length(p1 - p0), glm::length(p2 - p1), glm::length(p0 - p2)});
+    edge = std::min({b1, b2, 1 - b1 - b2}) * glm::length(n) / longest;
+  } else if (const auto* patches = std::get_if<PatchMesh>(&geometry)) {
+    const auto c = corners(*patches, hit.primitive);
+    n = glm::cross(glm::mix(c[1] - c[0], c[3] - c[2], hit.uv.y), glm::mix(c[2] - c[0], c[3] - c[1], hit.uv.x));
+    for (const DVec3& p : c) add(p);
+    const DVec2 from_edge = glm::min(hit.uv, 1.0 - hit.uv);
+    edge = std::min(from_edge.x * std::min(glm::length(c[1] - c[0]), glm::length(c[3] - c[2])),
+                    from_edge.y * std::min(glm::length(c[2] - c[0]), glm::length(c[3] - c[1])));
+  } else {
+    // Given in double, so that only the arithmetic of the intersection counts.
+    const auto& q = std::get<Quadric>(geometry);
+    const DVec3 p = o + hit.t * d;
+    const DVec3 on = transform_point(q.object_from_render, p);
+    n = transform_normal(q.object_from_render, outward(q, on));
+    edge = edge_distance(q, on) * glm::length(d) / glm::length(transform_vector(q.object_from_render, d));
+    largest_vertex = glm::max(glm::abs(o), glm::abs(p));
+    half_ulp = 0x1p-49;
+  }
+  const double distance = glm::dot(glm::abs(n), largest_vertex) * half_ulp / glm::length(n);
+  const double slant = std::abs(glm::dot(n, d)) / (glm::length(n) * glm::length(d));
+  const bool at_edge = edge * slant <= kEmbreeError * hit.t * glm::length(d) + kCoincidence * glm::length(largest_vertex) * half_ulp;
+  if (hit.instance < 0) return {distance, slant, at_edge};
+  // Seen along the ray the error is the same in both spaces. Embree takes the ray to the object in float, which adds
+  // some units in the last place.
+  const double along = distance * glm::length(n) / std::abs(glm::dot(n, d));
+  const DVec3 placed = glm::normalize(transform_normal(object_from_render[hit.instance], n));
+  const double cosine = std::abs(glm::dot(placed, direction)) / glm::length(direction);
+  const DVec3 p = transform_point(instances[hit.instance].render_from_object, o + hit.t * d);
+  return {along * cosine * glm::length(direction) + glm::dot(glm::abs(placed), glm::abs(p)) * 0x1p-23, cosine, at_edge};
+}
+
+double Gathering::reach(const ErrorBound& other) const {
+  const double cosine = std::max(std::min(other.cosine, at.error.cosine), 1e-3);
+  return (kCoincidence * (other.distance + at.error.distance) + kEmbreeError * std::abs(at.hit.t)) / cosine;
+}
+
+void Gathering::offer(const Query& query, int shape, uint32_t primitive, int instance) {
+  const Geometry::Impl& impl = *query.impl;
+  for (size_t i = 0; i < std::min(count, found.size()); ++i) {
+    const Hit& known = found[i].hit;
+    if (known.shape == shape && known.primitive == primitive && known.instance == instance) return;
+  }
+  DVec3 o = query.o, d = query.d;
+  impl.to_object(instance, o, d);
+  const auto exact = impl.intersect_primitive(shape, primitive, o, d, std::max(0.0, t0), t1);
+  if (!exact || !(exact->t > 0)) return;
+  Hit hit{exact->t, exact->uv, shape, primitive, instance};
+  impl.keep_inside(hit, o, d);
+  const ErrorBound error = impl.error_bound(hit, query.o, query.d);
+  if (std::abs(hit.t - at.hit.t) > reach(error)) return;
+  if (count < found.size()) found[count] = {hit, error};
+  ++count;
+}
+
+size_t Geometry::coincident(const Ray& ray, const Hit& hit, std::span<CoincidentHit> found) const {
+  Query query(*impl_, ray, kInf);
+  Gathering gathering;
+  gathering.at = {hit, impl_->error_bound(hit, query.o, query.d)};
+  gathering.found = found;
+  gathering.count = 1;
+  found[0] = gathering.at;
+  // No primitive's error is larger than that of `worst`.
+  const ErrorBound worst{2 * 0x1p-23 * impl_->largest, 0};
+  const double reach = gathering.reach(worst);
+  gathering.t0 = hit.t - reach;
+  gathering.t1 = hit.t + reach;
+  query.gathering = &gathering;
+  RTCRay r = embree_ray(query, hit.t - 2 * reach, hit.t + 2 * reach);
+  rtcOccluded1(impl_->scene, &query.context, &r);
+  return gathering.count;
+}
+
+}  // namespace woodcock

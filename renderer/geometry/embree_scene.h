@@ -1,0 +1,163 @@
+// The inside of Geometry: Embree's scene, the double-precision check of its candidates, and what a query carries
+// to both. Included by the files of this folder only.
+#pragma once
+
+#include <embree3/rtcore.h>
+
+#include <algorithm>
+#include <span>
+#include <utility>
+
+#include "renderer/core/transform.h"
+#include "renderer/geometry/geometry.h"
+#include "renderer/geometry/patch.h"
+#include "renderer/geometry/quadric.h"
+
+namespace woodcock {
+
+/// One Embree device for the process.
+RTCDevice embree_device();
+
+/// Distances of two surfaces from each other, in units of their error bounds, up to which they count as coincident: more
+/// than a ray's origin is moved away from a surface (see offset_origin), less than what Embree mistakes.
+inline constexpr double kCoincidence = 8;
+/// Embree misjudges by how much a ray misses an edge by less than this part of the distance: some units in the last place.
+inline constexpr double kEmbreeError = 0x1p-20;
+
+/// Half a unit in the last place of each coordinate, and a little.
+inline Vec3 rounding_error(Vec3 p) { return glm::abs(p) * 0x1.1p-24f; }
+
+struct Geometry::Impl {
+  std::vector<Shape> shapes;
+  int top_level = 0;
+  std::vector<Object> objects;
+  std::vector<Instance> instances;
+  std::vector<DMat4> object_from_render;  ///< per instance
+  std::vector<RTCScene> object_scenes;
+  RTCScene scene = nullptr;
+  Box3 bounds;         ///< of everything, in render space
+  double largest = 0;  ///< absolute coordinate of the bounds
+  double lead = 0;     ///< Embree's rays start this far before ours
+
+  /// What Embree's callbacks get for one geometry.
+  struct ShapeUser {
+    const Impl* impl;
+    int shape;
+  };
+  std::vector<ShapeUser> users;
+
+  ~Impl() {
+    if (scene != nullptr) rtcReleaseScene(scene);
+    for (RTCScene s : object_scenes) {
+      if (s != nullptr) rtcReleaseScene(s);
+    }
+  }
+
+  /// The instance that Embree's identifier names, -1 at top level.
+  int instance_of(unsigned inst_id) const { return inst_id == RTC_INVALID_GEOMETRY_ID ? -1 : static_cast<int>(inst_id) - top_level; }
+  /// The shape that Embree's identifiers name.
+  int shape_of(unsigned geom_id, int instance) const {
+    return (instance < 0 ? 0 : objects[instances[instance].object].first_shape) + static_cast<int>(geom_id);
+  }
+
+  void to_object(int instance, DVec3& o, DVec3& d) const {
+    if (instance < 0) return;
+    o = transform_point(object_from_render[instance], o);
+    d = transform_vector(object_from_render[instance], d);
+  }
+
+  /// The exact hit, o and d in the space of the shape. Triangles are taken to be hit and are not clipped to
+  /// t_min < t < t_max; of patches and quadrics it is the nearest hit there.
+  std::optional<PrimitiveHit> intersect_primitive(int shape, uint32_t primitive, DVec3 o, DVec3 d, double t_min, double t_max) const {
+    const auto& geometry = shapes[shape].geometry;
+    if (const auto* mesh = std::get_if<Mesh>(&geometry)) {
+      const auto& t = mesh->triangles[primitive];
+      return intersect_triangle_plane(mesh->positions[t[0]], mesh->positions[t[1]], mesh->positions[t[2]], o, d);
+    }
+    if (const auto* patches = std::get_if<PatchMesh>(&geometry)) return intersect_patch(corners(*patches, primitive), o, d, t_min, t_max);
+    const auto& q = std::get<Quadric>(geometry);
+    const auto t =
+        woodcock::intersect(q, transform_point(q.object_from_render, o), transform_vector(q.object_from_render, d), t_min, t_max);
+    if (!t) return std::nullopt;
+    return PrimitiveHit{*t, {0, 0}};
+  }
+
+  /// Embree decided that a triangle is hit; rounding must not put the point outside of it, least of all by the large
+  /// distances along which a ray and a plane that it grazes cannot be told apart. o and d in the space of the shape.
+  void keep_inside(Hit& hit, DVec3 o, DVec3 d) const {
+    const auto* mesh = std::get_if<Mesh>(&shapes[hit.shape].geometry);
+    if (mesh == nullptr || (hit.uv.x >= 0 && hit.uv.y >= 0 && hit.uv.x + hit.uv.y <= 1)) return;
+    hit.uv.x = std::clamp(hit.uv.x, 0.0, 1.0);
+    hit.uv.y = std::clamp(hit.uv.y, 0.0, 1.0 - hit.uv.x);
+    const auto& t = mesh->triangles[hit.primitive];
+    const DVec3 p0 = mesh->positions[t[0]], e1 = DVec3(mesh->positions[t[1]]) - p0, e2 = DVec3(mesh->positions[t[2]]) - p0;
+    hit.t = glm::dot(p0 + hit.uv.x * e1 + hit.uv.y * e2 - o, d) / glm::dot(d, d);
+  }
+
+  static std::array<DVec3, 4> corners(const PatchMesh& m, uint32_t primitive) {
+    const auto& p = m.patches[primitive];
+    return {DVec3(m.positions[p[0]]), DVec3(m.positions[p[1]]), DVec3(m.positions[p[2]]), DVec3(m.positions[p[3]])};
+  }
+
+  /// How well the place of a hit is known; o and d in render space.
+  ErrorBound error_bound(const Hit& hit, DVec3 o, DVec3 d) const;
+
+  RTCGeometry make_geometry(int shape);
+  RTCScene make_scene(int first, int count);
+};
+
+/// What a query carries beside Embree's copy of the ray.
+struct Query {
+  RTCIntersectContext context;  ///< first, so that Embree's pointer to it is a pointer to the query
+  const Geometry::Impl* impl;
+  DVec3 o, d;
+  double t_max = 0;
+  double lead = 0;  ///< Embree's distances are larger than ours by this
+  TargetPrimitive target;
+  /// Embree's error of a distance along the normal of a triangle is below this: some units in the last place of the
+  /// largest coordinate.
+  float near = 0;
+  /// Set by Geometry::coincident: every candidate is offered to it and none stops the query.
+  struct Gathering* gathering = nullptr;
+
+  Query(const Geometry::Impl& geometry, const Ray& ray, double limit)
+      : impl(&geometry), o(ray.o), d(ray.d), t_max(limit), lead(geometry.lead), near(static_cast<float>(0x1p-19 * geometry.largest)) {
+    rtcInitIntersectContext(&context);
+  }
+  static Query& of(RTCIntersectContext* context) { return *reinterpret_cast<Query*>(context); }
+
+  /// How far a primitive may be hit: on the target the last thousandth of the way is the sampled point itself.
+  double limit(int shape, uint32_t primitive) const {
+    return shape == target.shape && primitive == target.primitive ? t_max * (1 - 1e-3) : t_max;
+  }
+};
+
+/// Embree's ray for t0 < t < t1, a little wider.
+inline RTCRay embree_ray(const Query& query, double t0, double t1) {
+  const DVec3 o = query.o - query.lead * query.d;
+  RTCRay r{};
+  r.org_x = static_cast<float>(o.x);
+  r.org_y = static_cast<float>(o.y);
+  r.org_z = static_cast<float>(o.z);
+  r.dir_x = static_cast<float>(query.d.x);
+  r.dir_y = static_cast<float>(query.d.y);
+  r.dir_z = static_cast<float>(query.d.z);
+  r.tnear = std::max(0.0f, static_cast<float>(t0 + query.lead));
+  r.tfar = std::nextafter(static_cast<float>(t1 + query.lead), kInf);
+  r.mask = 0xffffffffu;
+  return r;
+}
+
+/// The search of Geometry::coincident.
+struct Gathering {
+  CoincidentHit at;
+  double t0, t1;  ///< nothing outside of it can coincide
+  std::span<CoincidentHit> found;
+  size_t count = 0;  ///< of all, those that found no room included
+
+  /// How far along the ray something with that error may lie from `at` to coincide with it.
+  double reach(const ErrorBound& other) const;
+  void offer(const Query& query, int shape, uint32_t primitive, int instance);
+};
+
+}  // namespace woodcock

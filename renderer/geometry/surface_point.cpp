@@ -1,0 +1,103 @@
+// The local geometry of a hit.
+#include <cmath>
+
+#include "renderer/core/frame.h"
+#include "renderer/geometry/embree_scene.h"
+
+namespace woodcock {
+namespace {
+
+/// Tangents of a triangle from its texture coordinates (or pbrt-v4's default ones).
+void triangle_tangents(const Mesh& mesh, const std::array<uint32_t, 3>& t, Vec3 e1, Vec3 e2, Vec3 n, SurfacePoint& s) {
+  Vec2 uv0{0, 0}, uv1{1, 0}, uv2{1, 1};
+  if (!mesh.uv.empty()) {
+    uv0 = mesh.uv[t[0]];
+    uv1 = mesh.uv[t[1]];
+    uv2 = mesh.uv[t[2]];
+  }
+  const Vec2 d1 = uv1 - uv0, d2 = uv2 - uv0;
+  const float det = d1.x * d2.y - d1.y * d2.x;
+  if (std::abs(det) > 1e-12f) {
+    s.dpdu = (d2.y * e1 - d1.y * e2) / det;
+    s.dpdv = (d1.x * e2 - d2.x * e1) / det;
+    if (length_squared(glm::cross(s.dpdu, s.dpdv)) > 0) return;
+  }
+  const Frame frame = Frame::from_normal(n);
+  s.dpdu = frame.s;
+  s.dpdv = frame.t;
+}
+
+}  // namespace
+
+SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray) const {
+  const Shape& shape = impl_->shapes[hit.shape];
+  SurfacePoint s;
+  DVec3 p, ng, ns{0};
+  if (const auto* mesh = std::get_if<Mesh>(&shape.geometry)) {
+    const auto& t = mesh->triangles[hit.primitive];
+    const DVec3 p0 = mesh->positions[t[0]], e1 = DVec3(mesh->positions[t[1]]) - p0, e2 = DVec3(mesh->positions[t[2]]) - p0;
+    const double b1 = hit.uv.x, b2 = hit.uv.y, b0 = 1 - b1 - b2;
+    p = p0 + b1 * e1 + b2 * e2;
+    ng = glm::normalize(glm::cross(e1, e2));
+    if (shape.flip) ng = -ng;
+    if (!mesh->normals.empty()) {
+      ns = b0 * DVec3(mesh->normals[t[0]]) + b1 * DVec3(mesh->normals[t[1]]) + b2 * DVec3(mesh->normals[t[2]]);
+      if (glm::dot(ns, ng) < 0) ng = -ng;
+    }
+    triangle_tangents(*mesh, t, Vec3(e1), Vec3(e2), Vec3(ng), s);
+    s.uv = {static_cast<float>(b1 + b2), static_cast<float>(b2)};
+    if (!mesh->uv.empty()) s.uv = float(b0) * mesh->uv[t[0]] + float(b1) * mesh->uv[t[1]] + float(b2) * mesh->uv[t[2]];
+  } else if (const auto* patches = std::get_if<PatchMesh>(&shape.geometry)) {
+    const auto c = Impl::corners(*patches, hit.primitive);
+    const double u = hit.uv.x, v = hit.uv.y;
+    p = (1 - v) * ((1 - u) * c[0] + u * c[1]) + v * ((1 - u) * c[2] + u * c[3]);
+    DVec3 dpdu = (1 - v) * (c[1] - c[0]) + v * (c[3] - c[2]);
+    DVec3 dpdv = (1 - u) * (c[2] - c[0]) + u * (c[3] - c[1]);
+    const DVec3 n = glm::cross(dpdu, dpdv);
+    ng = glm::normalize(n);
+    if (shape.flip) ng = -ng;
+    const auto& q = patches->patches[hit.primitive];
+    const std::array<double, 4> w{(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v};
+    if (!patches->normals.empty()) {
+      for (int i = 0; i < 4; ++i) ns += w[i] * DVec3(patches->normals[q[i]]);
+      if (glm::dot(ns, ng) < 0) ng = -ng;
+    }
+    s.uv = {static_cast<float>(u), static_cast<float>(v)};
+    if (!patches->uv.empty()) {
+      s.uv = {0, 0};
+      for (int i = 0; i < 4; ++i) s.uv += static_cast<float>(w[i]) * patches->uv[q[i]];
+    }
+    s.dpdu = Vec3(dpdu);
+    s.dpdv = Vec3(dpdv);
+  } else {
+    const auto& q = std::get<Quadric>(shape.geometry);
+    DVec3 o = ray.o, d = ray.d;
+    impl_->to_object(hit.instance, o, d);
+    const DVec3 at = transform_point(q.object_from_render, o) + hit.t * transform_vector(q.object_from_render, d);
+    const ParametricPoint point = parametric_point(q, at);
+    p = transform_point(q.render_from_object, point.p);
+    ng = glm::normalize(transform_normal(q.object_from_render, outward(q, point.p)));
+    if (shape.flip) ng = -ng;
+    s.dpdu = Vec3(transform_vector(q.render_from_object, point.dpdu));
+    s.dpdv = Vec3(transform_vector(q.render_from_object, point.dpdv));
+    s.uv = Vec2(point.uv);
+  }
+  if (!(glm::dot(ns, ns) > 0)) ns = ng;
+  if (hit.instance >= 0) {
+    const DMat4& m = impl_->instances[hit.instance].render_from_object;
+    const DMat4& inverse = impl_->object_from_render[hit.instance];
+    p = transform_point(m, p);
+    ng = glm::normalize(transform_normal(inverse, ng));
+    ns = transform_normal(inverse, ns);
+    s.dpdu = Vec3(transform_vector(m, s.dpdu));
+    s.dpdv = Vec3(transform_vector(m, s.dpdv));
+  }
+  s.p = Vec3(p);
+  // Embree takes a ray to an object in float.
+  s.p_error = rounding_error(s.p) * (hit.instance < 0 ? 1.0f : 3.0f);
+  s.ng = Vec3(ng);
+  s.ns = Vec3(glm::normalize(ns));
+  return s;
+}
+
+}  // namespace woodcock
