@@ -16,6 +16,7 @@
 #include "renderer/transport/tentative_collisions.h"
 #include "renderer/transport/transmittance.h"
 #include "renderer/world/effects.h"
+#include "renderer/world/junction.h"
 
 namespace woodcock {
 
@@ -80,6 +81,17 @@ class PathKernel {
         ++count_.truncated;
         break;
       }
+      const uint32_t vertex_before = vertex_;
+      if (uses(kTouching) && here_) {
+        // What coincides with the surface just met comes before anything else, at no distance.
+        if (const int member = here_->next(ray_.d, medium_); member != kNone) {
+          if (!meet_surface((*here_)[member].hit, (*here_)[member].s, member)) break;
+          if (vertex_ != vertex_before) crossings = 0;
+          continue;
+        }
+        if (uses(kMedia)) medium_ = here_->medium_behind(world_, ray_, medium_);
+        here_.reset();
+      }
       ++count_.rays;
       const auto hit = world_.geometry.intersect(ray_, kInf);
       if (uses(kMedia) && medium_ != kNone) {
@@ -96,8 +108,7 @@ class PathKernel {
         break;
       }
       travelled_ += hit->t;
-      const uint32_t vertex_before = vertex_;
-      if (!meet_surface(*hit)) break;
+      if (!arrive(*hit)) break;
       if (vertex_ != vertex_before) crossings = 0;
     }
     return result_;
@@ -105,6 +116,8 @@ class PathKernel {
 
  private:
   static constexpr uint32_t kMedia = kHomogeneousMedia | kHeterogeneousMedia;
+  /// Surfaces that let something pass, without which it does not matter what coincides.
+  static constexpr uint32_t kTouching = kPassableSurfaces | kGeneralSurfaces;
 
   /// Whether any of these effects is compiled in and planned.
   bool uses(uint32_t effects) const { return (kMask & effects) != 0 && (effects_ & effects) != 0; }
@@ -287,6 +300,8 @@ class PathKernel {
     if (hit.t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit.t)) return p;
     const SurfacePoint s = world_.geometry.surface(hit, ray_);
     const Vec3 towards_us = glm::dot(ray_.d, s.ng) < 0 ? s.ng : -s.ng;
+    if (uses(kTouching) && may_coincide(world_.surfaces[static_cast<size_t>(hit.shape)], s.p))
+      return Junction(world_, ray_, hit).origin(p, -ray_.d);
     if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
     return offset_origin(s, -ray_.d);
   }
@@ -322,35 +337,65 @@ class PathKernel {
 
   // --- surfaces ------------------------------------------------------------------------------------------
 
-  /// Handles a hit. False ends the path.
-  bool meet_surface(const Hit& hit) {
+  /// Meets the nearest hit, or of those that coincide with it the one that comes first. False ends the path.
+  bool arrive(const Hit& hit) {
     const SurfacePoint s = world_.geometry.surface(hit, ray_);
-    const SurfaceInfo& info = world_.surfaces[static_cast<size_t>(hit.shape)];
-    const TextureContext context{s.uv, s.p};
-    if (uses(kPassableSurfaces) && info.has_alpha && crossing_.uniform() >= world_.textures.eval(info.alpha, context)) {
-      ray_.o = offset_origin(s, ray_.d);
-      return true;
+    if (!uses(kTouching) || !may_coincide(world_.surfaces[static_cast<size_t>(hit.shape)], s.p)) return meet_surface(hit, s, kNone);
+    here_.emplace(world_, ray_, hit);
+    if (here_->overflowed()) {
+      ++count_.truncated;
+      return false;
     }
-    if (info.light != kNone) add_emission(hit, s, info.light);
-    if (uses(kSurfaces) && !info.is_interface) {
-      if (!uses(kGeneralSurfaces)) return scatter_at_surface(s, info, world_.materials.diffuse(info.material, context), s.ns);
-      const int material = world_.materials.resolve(info.material, context, crossing_);
-      if (const auto bsdf = world_.materials.bsdf(material, context, crossing_))
-        return scatter_at_surface(s, info, *bsdf, world_.materials.shading_normal(material, context, {s.ns, s.dpdu, s.dpdv}));
-    }
-    if (uses(kMedia)) medium_ = world_.medium_after(info, s.ng, ray_.d, medium_);
-    ray_.o = offset_origin(s, ray_.d);
+    ray_.o = here_->origin(s.p, ray_.d);
     return true;
   }
+
+  /// Where a ray from the surface starts that heads for w.
+  Vec3 origin_of(const SurfacePoint& s, Vec3 w) const { return uses(kTouching) && here_ ? here_->origin(s.p, w) : offset_origin(s, w); }
+
+  /// The path heads for w from a surface, which is this member of the place where the path stands, or kNone.
+  void leave(int member, Vec3 w) {
+    if (uses(kTouching) && member != kNone) here_->leave(member, w);
+  }
+
+  /// Goes on behind a surface that is not there for this path, or is a boundary only.
+  bool pass(const SurfacePoint& s, int member) {
+    leave(member, ray_.d);
+    ray_.o = origin_of(s, ray_.d);
+    return true;
+  }
+
+  /// Handles a surface. False ends the path.
+  bool meet_surface(const Hit& hit, const SurfacePoint& s, int member) {
+    const SurfaceInfo& info = world_.surfaces[static_cast<size_t>(hit.shape)];
+    const TextureContext context{s.uv, s.p};
+    if (uses(kPassableSurfaces) && info.has_alpha && crossing_.uniform() >= world_.textures.eval(info.alpha, context))
+      return pass(s, member);
+    if (info.light != kNone) add_emission(hit, s, info.light);
+    if (uses(kSurfaces) && !info.is_interface) {
+      if (!uses(kGeneralSurfaces))
+        return scatter_at_surface(s, info, world_.materials.diffuse(info.material, context), s.ns, member, kNone);
+      const int material = world_.materials.resolve(info.material, context, crossing_);
+      if (auto bsdf = world_.materials.bsdf(material, context, crossing_)) {
+        const int joined = uses(kTouching) && here_ ? join_dielectrics(world_, *here_, member, ray_.d, medium_, crossing_, *bsdf) : kNone;
+        return scatter_at_surface(s, info, *bsdf, world_.materials.shading_normal(material, context, {s.ns, s.dpdu, s.dpdv}), member,
+                                  joined);
+      }
+    }
+    medium_ = medium_towards(info, s.ng, ray_.d);
+    return pass(s, member);
+  }
+
+  const SurfaceInfo& surface_of(const Junction::Member& m) const { return world_.surfaces[static_cast<size_t>(m.hit.shape)]; }
 
   static Rgb eval_model(const Bsdf& b, Vec3 wo, Vec3 wi, Stream& layered) { return eval(b, wo, wi, layered); }
   static Rgb eval_model(const DiffuseBsdf& b, Vec3 wo, Vec3 wi, Stream&) { return eval(b, wo, wi); }
   static auto sample_model(const Bsdf& b, Vec3 wo, Stream& direction, Stream& layered) { return sample(b, wo, direction, layered); }
   static auto sample_model(const DiffuseBsdf& b, Vec3 wo, Stream& direction, Stream&) { return sample(b, wo, direction); }
 
-  /// `Model` is Bsdf, or DiffuseBsdf where nothing else is there.
+  /// `Model` is Bsdf, or DiffuseBsdf where nothing else is there. A transmission crosses the member `joined`, too.
   template <typename Model>
-  bool scatter_at_surface(const SurfacePoint& s, const SurfaceInfo& info, const Model& bsdf, Vec3 ns) {
+  bool scatter_at_surface(const SurfacePoint& s, const SurfaceInfo& info, const Model& bsdf, Vec3 ns, int member, int joined) {
     const Frame frame = shading_frame(ns, s.dpdu);
     const Vec3 wo = frame.to_local(-ray_.d);
     if (!first_seen_) see_first(albedo(bsdf, wo), ns);
@@ -361,9 +406,10 @@ class PathKernel {
     if (!is_specular(bsdf)) {
       sample_lights(s.p, [&](Vec3 wi, Scattered& scattered) {
         const Vec3 local = frame.to_local(wi);
+        leave(member, wi);
         scattered = {eval_model(bsdf, wo, local, layered),
                      woodcock::pdf(bsdf, wo, local),
-                     {offset_origin(s, wi), wi, ray_.time},
+                     {origin_of(s, wi), wi, ray_.time},
                      medium_towards(info, s.ng, wi)};
       });
     }
@@ -376,7 +422,12 @@ class PathKernel {
     if (sample->transmission) eta_scale_ *= sample->eta * sample->eta;
     const Vec3 wi = glm::normalize(frame.to_world(sample->wi));
     medium_ = medium_towards(info, s.ng, wi);
-    ray_ = {offset_origin(s, wi), wi, ray_.time};
+    leave(member, wi);
+    if (joined != kNone && sample->transmission) {
+      medium_ = medium_towards(surface_of((*here_)[joined]), (*here_)[joined].s.ng, wi);
+      leave(joined, wi);
+    }
+    ray_ = {origin_of(s, wi), wi, ray_.time};
     direction_pdf_ = sample->specular ? 0 : sample->pdf;
     if (uses(kEquiangular)) last_flight_.reset();
     after_scattering(s.p);
@@ -404,7 +455,8 @@ class PathKernel {
   }
 
   Shadow shadow(const Ray& ray, float distance, int medium, TargetPrimitive target, Stream& random) {
-    return trace_shadow(world_, ray, distance, medium, target, random, ways_, uses(kPassableSurfaces), count_);
+    return trace_shadow(world_, ray, distance, medium, target, random, ways_, uses(kPassableSurfaces), count_,
+                        uses(kTouching) && here_ ? &*here_ : nullptr);
   }
 
   /// Next-event estimation: one light, chosen by power.
@@ -631,6 +683,8 @@ class PathKernel {
   Vec3 reference_{0};
   float direction_pdf_ = 0;
   double travelled_ = 0;  ///< since the last scattering, render units
+  /// The surfaces where the path stands, if others may coincide with the one it met.
+  std::optional<Junction> here_;
   bool first_seen_ = false;
   bool ended_ = false;
   bool stopped_ = false;

@@ -21,6 +21,32 @@ constexpr float kRouletteSurvival = 0.25f;
 /// scatter, where most shadow rays do not matter much, it loses up to a fifth, so they are tracked.
 constexpr double kShallow = 1, kDeep = 20;
 
+const SurfaceInfo& surface_of(const World& world, int shape) { return world.surfaces[static_cast<size_t>(shape)]; }
+
+/// Passes a surface in direction w, which may change the medium. False where it is in the way.
+bool pass_surface(const World& world, const Hit& hit, const SurfacePoint& s, Vec3 w, int& medium, Stream& random) {
+  const SurfaceInfo& info = surface_of(world, hit.shape);
+  if (!info.passes_shadows) return false;
+  const TextureContext context{s.uv, s.p};
+  if (info.has_alpha && random.uniform() >= world.textures.eval(info.alpha, context)) return true;
+  // A mix may choose its interface here.
+  if (!info.is_interface && world.materials.bsdf(info.material, context, random)) return false;
+  medium = world.medium_after(info, s.ng, w, medium);
+  return true;
+}
+
+/// Passes all that is left to cross of a place, up to the surface that `is_end` names. False where something is in the way
+/// or the end is reached.
+template <typename IsEnd>
+bool pass_junction(const World& world, Junction& here, Vec3 w, int& medium, Stream& random, IsEnd&& is_end) {
+  for (int member = here.next(w, medium); member != kNone; member = here.next(w, medium)) {
+    const Junction::Member& m = here[member];
+    if (is_end(m.hit) || !pass_surface(world, m.hit, m.s, w, medium, random)) return false;
+    here.leave(member, w);
+  }
+  return true;
+}
+
 }  // namespace
 
 TransmittanceWays transmittance_ways(const PathSettings& settings) {
@@ -69,13 +95,19 @@ Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, St
 }
 
 Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, TargetPrimitive target, Stream& random,
-                    const TransmittanceWays& ways, bool passable_surfaces, PathCounters& count) {
+                    const TransmittanceWays& ways, bool passable_surfaces, PathCounters& count, const Junction* from) {
   ++count.shadow_rays;
   const auto through_medium = [&](Rgb estimate, float length) {
     if (medium == kNone) return estimate;
     return estimate * estimate_transmittance(world.media[medium], ray, length, random, count, ways);
   };
-  if (!passable_surfaces) {
+  if (from != nullptr) {
+    Junction here = *from;
+    if (!pass_junction(world, here, ray.d, medium, random, [](const Hit&) { return false; })) return {};
+    medium = here.medium_behind(world, ray, medium);
+  }
+  // Any surface is in the way, unless it lets light pass or may coincide with the lamp.
+  if (!passable_surfaces && (target.shape == kNone || surface_of(world, target.shape).contacts.empty())) {
     if (world.geometry.occluded(ray, t_max, target)) return {};
     return {through_medium(Rgb(1), t_max), medium};
   }
@@ -84,20 +116,30 @@ Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, Target
   for (int crossing = 0; crossing < kMaxCrossings; ++crossing) {
     const auto hit = world.geometry.intersect(ray, left);
     if (!hit) return {through_medium(estimate, static_cast<float>(left)), medium};
-    if (hit->shape == target.shape && hit->primitive == target.primitive && left - hit->t < kTargetTolerance * static_cast<double>(t_max)) {
-      return {through_medium(estimate, static_cast<float>(hit->t)), medium};
-    }
-    const SurfaceInfo& info = world.surfaces[static_cast<size_t>(hit->shape)];
-    if (!info.passes_shadows) return {};
+    const bool arrives = left - hit->t < kTargetTolerance * static_cast<double>(t_max);
+    const auto is_end = [&](const Hit& h) { return arrives && h.shape == target.shape && h.primitive == target.primitive; };
+    const SurfaceInfo& info = surface_of(world, hit->shape);
+    if (!info.passes_shadows && info.contacts.empty() && !is_end(*hit)) return {};
     const SurfacePoint s = world.geometry.surface(*hit, ray);
-    const TextureContext context{s.uv, s.p};
-    const bool missed = info.has_alpha && random.uniform() >= world.textures.eval(info.alpha, context);
-    // A mix may choose its interface here.
-    if (!missed && !info.is_interface && world.materials.bsdf(info.material, context, random)) return {};
+    int behind = medium;
+    Vec3 next_origin;
+    bool ends = false;
+    if (may_coincide(info, s.p)) {
+      Junction here(world, ray, *hit);
+      if (here.overflowed()) break;
+      if (!pass_junction(world, here, ray.d, behind, random, [&](const Hit& h) { return ends = is_end(h); }) && !ends) return {};
+      next_origin = here.origin(s.p, ray.d);
+      if (!ends) behind = here.medium_behind(world, {next_origin, ray.d, ray.time}, behind);
+    } else {
+      ends = is_end(*hit);
+      if (!ends && !pass_surface(world, *hit, s, ray.d, behind, random)) return {};
+      next_origin = offset_origin(s, ray.d);
+    }
     estimate = through_medium(estimate, static_cast<float>(hit->t));
     if (is_black(estimate)) return {};
-    if (!missed) medium = world.medium_after(info, s.ng, ray.d, medium);
-    ray.o = offset_origin(s, ray.d);
+    if (ends) return {estimate, behind};
+    medium = behind;
+    ray.o = next_origin;
     left -= hit->t;
     if (left <= 0) return {estimate, medium};
   }

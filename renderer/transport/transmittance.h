@@ -3,6 +3,7 @@
 
 #include "renderer/core/random.h"
 #include "renderer/transport/path.h"
+#include "renderer/world/junction.h"
 #include "renderer/world/world.h"
 
 namespace woodcock {
@@ -40,8 +41,9 @@ struct Shadow {
 };
 
 /// A shadow ray from ray.o to the distance `t_max`, through interfaces and media. `medium` is the one the ray starts in.
-/// `target` is the primitive the light sample lies on.
+/// `target` is the primitive the light sample lies on. `from` is the place that the ray starts at, if surfaces coincide
+/// there; ray.o lies beyond all of them.
 Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, TargetPrimitive target, Stream& random,
-                    const TransmittanceWays& ways, bool passable_surfaces, PathCounters& count);
+                    const TransmittanceWays& ways, bool passable_surfaces, PathCounters& count, const Junction* from = nullptr);
 
 }  // namespace woodcock

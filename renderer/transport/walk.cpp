@@ -63,6 +63,13 @@ BsdfSample sample_uniformly(const Bsdf& bsdf, Vec3 wo, Vec2 u, Stream& layered) 
   return s;
 }
 
+/// Puts the walk's origin where a ray from the surface, the member of the place where it stands or kNone, starts that heads
+/// for `to`.
+void set_off(Walk& w, const SurfacePoint& s, int member, Vec3 to) {
+  if (member != kNone) w.here->leave(member, to);
+  w.ray.o = w.here ? w.here->origin(s.p, to) : offset_origin(s, to);
+}
+
 }  // namespace
 
 void WalkSample::see(const Walk& w, float share, Rgb albedo, Vec3 normal, double distance) {
@@ -115,6 +122,7 @@ Vec3 point_before(const World& world, const Ray& ray, float t, const std::option
   if (hit->t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit->t)) return p;
   const SurfacePoint s = world.geometry.surface(*hit, ray);
   const Vec3 towards_us = glm::dot(ray.d, s.ng) < 0 ? s.ng : -s.ng;
+  if (may_coincide(world.surfaces[static_cast<size_t>(hit->shape)], s.p)) return Junction(world, ray, *hit).origin(p, -ray.d);
   if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
   return offset_origin(s, -ray.d);
 }
@@ -127,15 +135,36 @@ bool diverges(const Medium& medium, float t_max, const Walk& w, bool scatters) {
   return false;
 }
 
-SurfaceMeeting arrive(WalkSample& sample, Walk& w, const Hit& hit) {
+SurfacePoint arrive(WalkSample& sample, Walk& w, const Hit& hit) {
   const World& world = sample.world;
-  SurfaceMeeting meeting{world.geometry.surface(hit, w.ray), &world.surfaces[static_cast<size_t>(hit.shape)], std::nullopt, Vec3(0)};
-  const SurfacePoint& s = meeting.point;
+  const SurfacePoint s = world.geometry.surface(hit, w.ray);
+  w.travelled += hit.t;
+  if (!may_coincide(world.surfaces[static_cast<size_t>(hit.shape)], s.p)) return s;
+  w.here.emplace(world, w.ray, hit);
+  w.ray.o = w.here->origin(s.p, w.ray.d);
+  if (w.here->overflowed()) {
+    ++sample.count.truncated;
+    sample.stopped = true;
+  }
+  return s;
+}
+
+int next_member(WalkSample& sample, Walk& w) {
+  if (!w.here) return kNone;
+  const int member = w.here->next(w.ray.d, w.medium);
+  if (member != kNone) return member;
+  w.medium = w.here->medium_behind(sample.world, w.ray, w.medium);
+  w.here.reset();
+  return kNone;
+}
+
+SurfaceMeeting meet(WalkSample& sample, Walk& w, const Hit& hit, const SurfacePoint& s, int member) {
+  const World& world = sample.world;
+  SurfaceMeeting meeting{s, member, kNone, &world.surfaces[static_cast<size_t>(hit.shape)], std::nullopt, Vec3(0)};
   const SurfaceInfo& info = *meeting.info;
   const TextureContext context{s.uv, s.p};
-  w.travelled += hit.t;
   if (info.has_alpha && w.crossing.uniform() >= world.textures.eval(info.alpha, context)) {
-    w.ray.o = offset_origin(s, w.ray.d);
+    set_off(w, s, member, w.ray.d);
     return meeting;
   }
   if (info.light != kNone) sample.add(w, world.lights.emitted(info.light, {s.p, s.ng, s.uv, hit.primitive}, -w.ray.d));
@@ -144,9 +173,11 @@ SurfaceMeeting arrive(WalkSample& sample, Walk& w, const Hit& hit) {
     material = world.materials.resolve(material, context, w.crossing);
     meeting.bsdf = world.materials.bsdf(material, context, w.crossing);
   }
+  if (meeting.bsdf && member != kNone)
+    meeting.joined = join_dielectrics(world, *w.here, member, w.ray.d, w.medium, w.crossing, *meeting.bsdf);
   if (!meeting.bsdf) {
     w.medium = world.medium_after(info, s.ng, w.ray.d, w.medium);
-    w.ray.o = offset_origin(s, w.ray.d);
+    set_off(w, s, member, w.ray.d);
     return meeting;
   }
   meeting.normal = world.materials.shading_normal(material, context, {s.ns, s.dpdu, s.dpdv});
@@ -178,7 +209,13 @@ bool bounce(WalkSample& sample, Walk& w, const SurfaceMeeting& meeting) {
   w.first = w.first && is_specular(bsdf);
   const Vec3 wi = glm::normalize(frame.to_world(scattered->wi));
   w.medium = sample.world.medium_after(*meeting.info, s.ng, wi, w.medium);
-  return go_on(sample, w, offset_origin(s, wi), wi);
+  if (meeting.joined != kNone && scattered->transmission) {
+    const Junction::Member& entry = (*w.here)[meeting.joined];
+    w.medium = sample.world.medium_after(sample.world.surfaces[static_cast<size_t>(entry.hit.shape)], entry.s.ng, wi, w.medium);
+    w.here->leave(meeting.joined, wi);
+  }
+  set_off(w, s, meeting.member, wi);
+  return go_on(sample, w, w.ray.o, wi);
 }
 
 void meet_environment(WalkSample& sample, const Walk& w) {

@@ -9,6 +9,7 @@
 
 #include "renderer/transport/path.h"
 #include "renderer/transport/transmittance.h"
+#include "renderer/world/junction.h"
 
 namespace woodcock {
 
@@ -34,6 +35,7 @@ struct Walk {
   float unseen = 1;        ///< the share of the sample whose first event is still to come, for the AOVs
   double travelled = 0;    ///< render units from the camera, as long as `unseen` is positive
   Stream flight, crossing;
+  std::optional<Junction> here;  ///< the surfaces where the walk stands, if others may coincide with the one it met
 };
 
 /// How a walk leaves a medium.
@@ -95,24 +97,33 @@ bool diverges(const Medium& medium, float t_max, const Walk& w, bool scatters);
 /// hemisphere, or on the sphere where the surface transmits: weight f |cos|/pdf. All but the last of them are handed to
 /// `follow_branch`. False where the walk ends.
 template <typename FollowBranch>
-bool meet_surface(WalkSample& sample, Walk& w, const Hit& hit, int branching, FollowBranch&& follow_branch);
+bool meet_surface(WalkSample& sample, Walk& w, const Hit& hit, const SurfacePoint& s, int member, int branching,
+                  FollowBranch&& follow_branch);
 
 /// What lies on a surface for a walk that meets it.
 struct SurfaceMeeting {
   SurfacePoint point;
+  int member = kNone;  ///< of the place where the walk stands
+  int joined = kNone;  ///< a member that a transmission crosses, too: the dielectric body that begins where this one ends
   const SurfaceInfo* info = nullptr;
   std::optional<Bsdf> bsdf;
   Vec3 normal{0};  ///< shading
 };
-/// Adds emission and sees the surface; empty bsdf where the walk goes straight on, which has then been done.
-SurfaceMeeting arrive(WalkSample& sample, Walk& w, const Hit& hit);
+/// Adds emission and sees the surface, which is `member` of the place where the walk stands or kNone; empty bsdf where the
+/// walk goes straight on, which has then been done.
+SurfaceMeeting meet(WalkSample& sample, Walk& w, const Hit& hit, const SurfacePoint& s, int member);
+/// The nearest hit of a walk: finds what coincides with it, if anything may, as the place where the walk stands.
+SurfacePoint arrive(WalkSample& sample, Walk& w, const Hit& hit);
+/// The next member to cross of the place where the walk stands; kNone when it has left the place.
+int next_member(WalkSample& sample, Walk& w);
 /// Scatters once. False where the walk ends.
 bool bounce(WalkSample& sample, Walk& w, const SurfaceMeeting& meeting);
 void meet_environment(WalkSample& sample, const Walk& w);
 
 template <typename FollowBranch>
-bool meet_surface(WalkSample& sample, Walk& w, const Hit& hit, int branching, FollowBranch&& follow_branch) {
-  const SurfaceMeeting meeting = arrive(sample, w, hit);
+bool meet_surface(WalkSample& sample, Walk& w, const Hit& hit, const SurfacePoint& s, int member, int branching,
+                  FollowBranch&& follow_branch) {
+  const SurfaceMeeting meeting = meet(sample, w, hit, s, member);
   if (!meeting.bsdf) return true;
   if (!sample.may_scatter(w)) return false;
   if (w.first && branching > 1 && !is_specular(*meeting.bsdf)) {
@@ -135,9 +146,16 @@ void follow(WalkSample& sample, Walk w, int branching, const Fly& fly) {
       ++sample.count.truncated;
       return;
     }
+    const uint32_t vertex_before = w.vertex;
+    const auto follow_branch = [&](const Walk& branch) { follow(sample, branch, 1, fly); };
+    if (const int member = next_member(sample, w); member != kNone) {
+      const Junction::Member m = (*w.here)[member];
+      if (!meet_surface(sample, w, m.hit, m.s, member, branching, follow_branch)) return;
+      if (w.vertex != vertex_before) crossings = 0;
+      continue;
+    }
     ++sample.count.rays;
     const std::optional<Hit> hit = sample.world.geometry.intersect(w.ray, kInf);
-    const uint32_t vertex_before = w.vertex;
     if (w.medium != kNone) {
       const Flight flight = fly(w, hit);
       if (flight == Flight::kOver) return;
@@ -147,7 +165,9 @@ void follow(WalkSample& sample, Walk w, int branching, const Fly& fly) {
       }
     }
     if (!hit) return meet_environment(sample, w);
-    if (!meet_surface(sample, w, *hit, branching, [&](const Walk& branch) { follow(sample, branch, 1, fly); })) return;
+    const SurfacePoint s = arrive(sample, w, *hit);
+    if (w.here) continue;
+    if (!meet_surface(sample, w, *hit, s, kNone, branching, follow_branch)) return;
     if (w.vertex != vertex_before) crossings = 0;
   }
 }

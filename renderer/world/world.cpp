@@ -8,7 +8,9 @@
 #include "renderer/core/transform.h"
 #include "renderer/scene/scene_error.h"
 #include "renderer/world/compile_shapes.h"
+#include "renderer/world/contacts.h"
 #include "renderer/world/effect_plan.h"
+#include "renderer/world/junction.h"
 
 namespace woodcock {
 namespace {
@@ -64,8 +66,54 @@ void describe_surface(const SceneDescription& scene, const ShapeDescription& sha
   info.outside = shape.media.outside;
   info.is_interface = shape.material == kNone || materials.is_interface(shape.material);
   info.has_alpha = shape.alpha.texture != kNone || shape.alpha.value < 1;
+  if (!info.is_interface) {
+    const MaterialKind& kind = scene.materials[static_cast<size_t>(shape.material)].kind;
+    info.is_opaque = std::holds_alternative<DiffuseDescription>(kind) || std::holds_alternative<ConductorDescription>(kind) ||
+                     std::holds_alternative<CoatedDiffuseDescription>(kind) || std::holds_alternative<CoatedConductorDescription>(kind);
+  }
   const bool mix = !info.is_interface && std::holds_alternative<MixDescription>(scene.materials[static_cast<size_t>(shape.material)].kind);
   info.passes_shadows = info.is_interface || info.has_alpha || mix;
+}
+
+/// Whether paths may start in media with an end.
+bool has_boundaries(const SceneDescription& scene) {
+  const auto bounds_medium = [](const ShapeDescription& s) { return s.media.given && s.media.inside != s.media.outside; };
+  return std::any_of(scene.shapes.begin(), scene.shapes.end(), bounds_medium) ||
+         std::any_of(scene.objects.begin(), scene.objects.end(),
+                     [&](const ObjectDescription& o) { return std::any_of(o.shapes.begin(), o.shapes.end(), bounds_medium); });
+}
+
+/// Directions without symmetry, so that rays along edges of aligned boxes are unlikely.
+constexpr std::array<Vec3, 5> kDirections{{{0.267f, 0.802f, 0.535f},
+                                           {-0.781f, 0.312f, 0.541f},
+                                           {0.371f, -0.557f, -0.743f},
+                                           {-0.424f, -0.566f, 0.707f},
+                                           {0.653f, 0.230f, -0.722f}}};
+
+/// What most directions say; those that meet no boundary say nothing.
+std::optional<int> majority(const std::array<std::optional<int>, kDirections.size()>& votes) {
+  std::optional<int> best;
+  ptrdiff_t most = 0;
+  for (const auto& v : votes) {
+    const ptrdiff_t count = std::count(votes.begin(), votes.end(), v);
+    if (v && count > most) {
+      best = v;
+      most = count;
+    }
+  }
+  return best;
+}
+
+/// The medium around the scene: what most rays from far away meet first.
+std::optional<int> find_medium_around(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces) {
+  const Box3 box = geometry.bounds();
+  if (box.empty()) return std::nullopt;
+  std::array<std::optional<int>, kDirections.size()> votes;
+  for (size_t i = 0; i < kDirections.size(); ++i) {
+    const Vec3 d = glm::normalize(kDirections[i]);
+    votes[i] = first_near_side(geometry, surfaces, {box.center() - d * glm::length(box.extent()), d});
+  }
+  return majority(votes);
 }
 
 }  // namespace
@@ -138,7 +186,8 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
   }
   if (dropped > 0) notes.push_back(std::to_string(dropped) + " triangles or patches without area were left out");
 
-  Geometry geometry(std::move(shapes), top_level, std::move(objects), std::move(instances));
+  const auto starts = has_boundaries(scene) ? Geometry::Starts::kAnywhere : Geometry::Starts::kOnSurfaces;
+  Geometry geometry(std::move(shapes), top_level, std::move(objects), std::move(instances), starts);
   const Box3 bounds = geometry.bounds();
   Lights lights(scene, geometry.shapes(), space.render_from_world, space.scale, bounds);
   auto world = std::unique_ptr<World>(new World{space,
@@ -150,6 +199,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
                                                 Camera(scene.camera, scene.film, space.render_from_world, space.scale),
                                                 PixelFilter(scene.film.filter),
                                                 {},
+                                                kNone,
                                                 kNone,
                                                 false,
                                                 0,
@@ -171,6 +221,11 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
     for (const auto& s : o.shapes) add_surface(s, index++);
   }
 
+  std::vector<std::string> medium_names;
+  for (const auto& m : scene.media) medium_names.push_back(m.name);
+  find_contacts(world->geometry, medium_names, world->surfaces);
+
+  world->medium_around = find_medium_around(world->geometry, world->surfaces).value_or(kNone);
   const std::optional<int> found = find_medium(world->geometry, world->surfaces, world->camera.position());
   world->camera_medium = found.value_or(kNone);
   if (scene.camera.media.given) {
@@ -205,40 +260,9 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
 }
 
 std::optional<int> find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Vec3 point) {
-  // Directions without symmetry, so that rays along edges of aligned boxes are unlikely; the majority decides.
-  constexpr std::array<Vec3, 5> kDirections{{{0.267f, 0.802f, 0.535f},
-                                             {-0.781f, 0.312f, 0.541f},
-                                             {0.371f, -0.557f, -0.743f},
-                                             {-0.424f, -0.566f, 0.707f},
-                                             {0.653f, 0.230f, -0.722f}}};
   std::array<std::optional<int>, kDirections.size()> votes;
-  for (size_t i = 0; i < kDirections.size(); ++i) {
-    Ray ray{point, glm::normalize(kDirections[i])};
-    for (int crossings = 0; crossings < 1000; ++crossings) {
-      const auto hit = geometry.intersect(ray, kInf);
-      if (!hit) break;
-      const SurfacePoint s = geometry.surface(*hit, ray);
-      const SurfaceInfo& info = surfaces[static_cast<size_t>(hit->shape)];
-      // What is never there bounds nothing.
-      const bool absent = info.alpha.texture == kNone && info.alpha.value <= 0;
-      if (info.is_boundary && !absent) {
-        votes[i] = glm::dot(ray.d, s.ng) < 0 ? info.outside : info.inside;
-        break;
-      }
-      ray.o = offset_origin(s, ray.d);
-    }
-  }
-  // A direction that meets no boundary says nothing.
-  std::optional<int> best;
-  ptrdiff_t most = 0;
-  for (const auto& v : votes) {
-    const ptrdiff_t count = std::count(votes.begin(), votes.end(), v);
-    if (v && count > most) {
-      best = v;
-      most = count;
-    }
-  }
-  return best;
+  for (size_t i = 0; i < kDirections.size(); ++i) votes[i] = first_near_side(geometry, surfaces, {point, glm::normalize(kDirections[i])});
+  return majority(votes);
 }
 
 }  // namespace woodcock

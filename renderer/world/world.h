@@ -32,7 +32,13 @@ struct SurfaceInfo {
   bool is_boundary = false;  ///< has a MediumInterface of its own
   int inside = kNone, outside = kNone;
   bool is_interface = false;    ///< no surface at all, only a boundary
+  bool is_opaque = true;        ///< the material lets nothing through
   bool passes_shadows = false;  ///< an interface, a mix, or alpha below one: shadow rays may go on
+  std::vector<Box3> contacts;   ///< boxes in render space outside of which nothing coincides with this surface
+  int stacking = 0;             ///< the order of surfaces that nothing else puts in order (junction.h): lights, opaque ones, others
+
+  /// No ray ever meets it.
+  bool is_absent() const { return alpha.texture == kNone && alpha.value <= 0; }
 };
 
 struct RenderSpace {
@@ -55,6 +61,7 @@ struct World {
   PixelFilter filter;
   std::vector<SurfaceInfo> surfaces;
   int camera_medium = kNone;
+  int medium_around = kNone;  ///< where rays leave the scene
   /// Some shadow ray may have to go on behind a surface (interfaces, partial opacity).
   bool has_passable_surfaces = false;
   /// The Effect bits (effects.h) that the scene calls for, by use.

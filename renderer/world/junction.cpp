@@ -1,0 +1,144 @@
+#include "renderer/world/junction.h"
+
+#include <algorithm>
+#include <tuple>
+
+namespace woodcock {
+Junction::Junction(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, const Ray& ray, const Hit& hit)
+    : surfaces_(&surfaces), d_(ray.d) {
+  std::array<CoincidentHit, kCapacity> found;
+  const size_t all = geometry.coincident(ray, hit, found);
+  overflowed_ = all > kCapacity;
+  count_ = std::min(all, kCapacity);
+  for (size_t i = 0; i < count_; ++i) {
+    Member& m = members_[i];
+    m.hit = found[i].hit;
+    m.error = found[i].error;
+    m.s = geometry.surface(m.hit, ray);
+    m.outside = glm::dot(d_, m.s.ng) < 0;
+    m.repeats = std::any_of(members_.begin(), members_.begin() + static_cast<ptrdiff_t>(i), [&](const Member& other) {
+      return other.hit.shape == m.hit.shape && other.hit.instance == m.hit.instance && other.outside == m.outside;
+    });
+  }
+}
+
+// Only what is filled.
+Junction& Junction::operator=(const Junction& other) {
+  surfaces_ = other.surfaces_;
+  d_ = other.d_;
+  count_ = other.count_;
+  overflowed_ = other.overflowed_;
+  std::copy_n(other.members_.begin(), count_, members_.begin());
+  return *this;
+}
+
+/// Whether a is met before b beyond their errors. Surfaces that are told apart by t on the way in have the same order on
+/// the way to w, or the opposite one when w turns back through both. Of boundaries of media the media know better.
+bool Junction::is_surely_before(const Member& a, const Member& b, Vec3 w) const {
+  if (info(a).is_boundary && info(b).is_boundary) return false;
+  const bool back_a = glm::dot(w, a.s.ng) * glm::dot(d_, a.s.ng) < 0, back_b = glm::dot(w, b.s.ng) * glm::dot(d_, b.s.ng) < 0;
+  if (back_a != back_b) return false;
+  const double ahead = back_a ? a.hit.t - b.hit.t : b.hit.t - a.hit.t;
+  return ahead * std::max(a.error.cosine, b.error.cosine) > a.error.distance + b.error.distance;
+}
+
+bool Junction::is_preferred(const Member& a, const Member& b, int medium) const {
+  const auto key = [&](const Member& m) {
+    const SurfaceInfo& surface = info(m);
+    const bool exit = !m.outside;
+    const int near = !surface.is_boundary ? medium : exit ? surface.inside : surface.outside;
+    // The instance and t tell apart what a shape alone does not.
+    return std::tuple(near != medium, !exit, exit ? -surface.stacking : surface.stacking, m.hit.instance, m.hit.t);
+  };
+  return key(a) < key(b);
+}
+
+int Junction::next(Vec3 w, int medium) const {
+  const Member* best = nullptr;
+  for (const Member& m : members()) {
+    if (!is_crossed_by(m, w)) continue;
+    const bool is_behind = std::any_of(members().begin(), members().end(),
+                                       [&](const Member& other) { return is_crossed_by(other, w) && is_surely_before(other, m, w); });
+    if (!is_behind && (best == nullptr || is_preferred(m, *best, medium))) best = &m;
+  }
+  return best != nullptr ? static_cast<int>(best - members_.data()) : kNone;
+}
+
+std::optional<int> Junction::medium_before() const {
+  const auto counts = [&](const Member& m) { return info(m).is_boundary && !info(m).is_absent() && !m.repeats; };
+  const auto near = [&](const Member& m) { return m.outside ? info(m).outside : info(m).inside; };
+  const auto far = [&](const Member& m) { return m.outside ? info(m).inside : info(m).outside; };
+  const auto key = [&](const Member& m) {
+    const bool follows = std::any_of(members().begin(), members().end(),
+                                     [&](const Member& other) { return &other != &m && counts(other) && far(other) == near(m); });
+    return std::tuple(follows, m.outside, info(m).stacking);
+  };
+  const Member* first = nullptr;
+  for (const Member& m : members()) {
+    if (counts(m) && (first == nullptr || key(m) < key(*first))) first = &m;
+  }
+  return first != nullptr ? std::optional(near(*first)) : std::nullopt;
+}
+
+int Junction::medium_behind(const World& world, const Ray& ray, int crossed) const {
+  const auto at_edge = [&](const Member& m) { return m.error.at_edge && info(m).is_boundary; };
+  if (std::none_of(members().begin(), members().end(), at_edge)) return crossed;
+  return first_near_side(world.geometry, world.surfaces, ray).value_or(world.medium_around);
+}
+
+std::optional<int> first_near_side(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Ray ray) {
+  for (int crossings = 0; crossings < 1000; ++crossings) {
+    const auto hit = geometry.intersect(ray, kInf);
+    if (!hit) break;
+    const SurfacePoint s = geometry.surface(*hit, ray);
+    const SurfaceInfo& info = surfaces[static_cast<size_t>(hit->shape)];
+    if (may_coincide(info, s.p)) {
+      const Junction junction(geometry, surfaces, ray, *hit);
+      if (const auto medium = junction.medium_before()) return medium;
+      ray.o = junction.origin(s.p, ray.d);
+      continue;
+    }
+    // What is never there bounds nothing.
+    if (info.is_boundary && !info.is_absent()) return glm::dot(ray.d, s.ng) < 0 ? info.outside : info.inside;
+    ray.o = offset_origin(s, ray.d);
+  }
+  return std::nullopt;
+}
+
+int join_dielectrics(const World& world, const Junction& here, int exit, Vec3 d, int medium, Stream& choice, Bsdf& bsdf) {
+  auto* const left = std::get_if<DielectricBsdf>(&bsdf);
+  if (left == nullptr || here[exit].outside) return kNone;
+  const auto info = [&](const Junction::Member& m) -> const SurfaceInfo& { return world.surfaces[static_cast<size_t>(m.hit.shape)]; };
+  Junction behind = here;
+  behind.leave(exit, d);
+  const int entry = behind.next(d, world.medium_after(info(here[exit]), here[exit].s.ng, d, medium));
+  if (entry == kNone || !here[entry].outside || info(here[entry]).is_interface || info(here[entry]).has_alpha) return kNone;
+  const TextureContext context{here[entry].s.uv, here[entry].s.p};
+  const auto next = world.materials.bsdf(world.materials.resolve(info(here[entry]).material, context, choice), context, choice);
+  const auto* const entered = next ? std::get_if<DielectricBsdf>(&*next) : nullptr;
+  if (entered == nullptr) return kNone;
+  left->eta /= entered->eta;
+  return entry;
+}
+
+Vec3 Junction::origin(Vec3 from, Vec3 w) const {
+  // Moved along each normal in turn as far as the rounding of the surface and of the origin itself asks for. In a corner
+  // one move may undo another; w leads out of it, so that a few turns suffice.
+  DVec3 o = from;
+  const Vec3 rounding = glm::abs(from) * 0x1.1p-24f;
+  for (int turn = 0; turn < 16; ++turn) {
+    bool moved = false;
+    for (const Member& m : members()) {
+      const DVec3 n = glm::dot(w, m.s.ng) > 0 ? m.s.ng : -m.s.ng;
+      const double wanted = 1.25 * static_cast<double>(glm::dot(glm::abs(m.s.ng), m.s.p_error + rounding));
+      const double distance = glm::dot(o - DVec3(m.s.p), n);
+      if (distance >= wanted) continue;
+      o += (wanted - distance) * n;
+      moved = true;
+    }
+    if (!moved) break;
+  }
+  return Vec3(o);
+}
+
+}  // namespace woodcock

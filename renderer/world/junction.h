@@ -1,0 +1,98 @@
+// Where surfaces coincide: what a path meets first, and on which side of each it goes on.
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "renderer/world/world.h"
+
+namespace woodcock {
+
+/// The surfaces that a ray meets at one place, closer together than float vertices tell (Geometry::coincident), and on
+/// which side of each the path stands.
+///
+/// A path that stands here and heads for w crosses every member that w points across: after a transmission what is left
+/// of the members, after a reflection those it had crossed before. The order is that of the ray where members can be told
+/// apart; else next is
+///   1. a member whose near side is the path's medium, or that is no boundary and keeps it;
+///   2. exits (towards the outside of the shape) before entries;
+///   3. SurfaceInfo::stacking upwards for entries, downwards for exits, so that both ways see the same stack.
+/// Nothing of it depends on the order in which shapes are defined.
+///
+/// Of several triangles of a shape that are met at an edge from the same side one is crossed. Whether a ray that passes an
+/// edge by a rounding meets both sides of it, one or none is chance; media then are those that what lies ahead says
+/// (`medium_behind`), so that no path takes the inside of a shape with it.
+class Junction {
+ public:
+  struct Member {
+    Hit hit;
+    SurfacePoint s;
+    ErrorBound error;
+    bool outside;  ///< the path stands on the side of s.ng
+    bool repeats;  ///< another triangle of a shape at an edge: bounds where rays may start, and is not crossed
+  };
+  /// More surfaces than this at one place mean a defect of the scene.
+  static constexpr size_t kCapacity = 32;
+
+  /// The place where `ray` met `hit`, before any of it is crossed.
+  Junction(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, const Ray& ray, const Hit& hit);
+  Junction(const World& world, const Ray& ray, const Hit& hit) : Junction(world.geometry, world.surfaces, ray, hit) {}
+
+  Junction(const Junction& other) { *this = other; }
+  Junction& operator=(const Junction& other);
+
+  /// The index of the next member to cross on the way to w in `medium`; kNone when nothing is in the way any more.
+  int next(Vec3 w, int medium) const;
+  const Member& operator[](int member) const { return members_[static_cast<size_t>(member)]; }
+
+  /// After passing or scattering at a member the path heads for w.
+  void leave(int member, Vec3 w) {
+    Member& m = members_[static_cast<size_t>(member)];
+    m.outside = glm::dot(w, m.s.ng) > 0;
+  }
+
+  /// `from`, a point at this place, moved to where a ray to w starts on the right side of all members.
+  Vec3 origin(Vec3 from, Vec3 w) const;
+
+  /// The medium of a ray that has left this place with nothing left to cross, `crossed` as its crossings tell. At an edge it
+  /// is the near side of the first boundary ahead; where none is, the medium around the scene.
+  int medium_behind(const World& world, const Ray& ray, int crossed) const;
+
+  /// The medium that the boundaries here say the ray comes from: the near side of one whose near side is not the far side
+  /// of another, exits first. Nothing where there is no boundary.
+  std::optional<int> medium_before() const;
+
+  /// Some members found no room.
+  bool overflowed() const { return overflowed_; }
+
+ private:
+  std::span<const Member> members() const { return {members_.data(), count_}; }
+  const SurfaceInfo& info(const Member& m) const { return (*surfaces_)[static_cast<size_t>(m.hit.shape)]; }
+  static bool is_crossed_by(const Member& m, Vec3 w) { return !m.repeats && (glm::dot(w, m.s.ng) > 0) != m.outside; }
+  bool is_surely_before(const Member& a, const Member& b, Vec3 w) const;
+  bool is_preferred(const Member& a, const Member& b, int medium) const;
+
+  const std::vector<SurfaceInfo>* surfaces_;
+  Vec3 d_;
+  std::array<Member, kCapacity> members_;
+  size_t count_ = 0;
+  bool overflowed_ = false;
+};
+
+/// The near side of the first boundary that the ray meets, looking through everything else; nothing where there is none.
+std::optional<int> first_near_side(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Ray ray);
+
+/// Where one dielectric body ends and the next begins there is one boundary, whose index is relative: none at all between
+/// equal bodies. If the member `exit` of the path's place is such an end, on the way along d in `medium`, turns `bsdf`, its
+/// model, into that boundary and returns the entry that belongs to it; else kNone. `choice` decides mixes.
+int join_dielectrics(const World& world, const Junction& here, int exit, Vec3 d, int medium, Stream& choice, Bsdf& bsdf);
+
+/// Whether what is met at p on this surface may have company, from boxes alone.
+inline bool may_coincide(const SurfaceInfo& surface, Vec3 p) {
+  for (const Box3& box : surface.contacts) {
+    if (glm::all(glm::lessThanEqual(box.lower, p)) && glm::all(glm::lessThanEqual(p, box.upper))) return true;
+  }
+  return false;
+}
+
+}  // namespace woodcock
