@@ -26,20 +26,30 @@ PathCounters run(const CompiledScene& scene, int samples, uint64_t seed, Take&& 
     const PathKey key =
         path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i / pixels));
     const CameraSample camera = camera_sample(*scene.world, key, x, y);
-    take(camera.weight * trace_path(*scene.world, settings, camera.ray, key, counters).radiance);
+    take(camera.weight * scene.radiance(*scene.world, settings, camera.ray, key, counters).radiance);
   }
   return counters;
 }
 
 }  // namespace
 
-CompiledScene compile(const std::string& text) {
-  const SceneDescription description = read_scene_text(text, "test.pbrt", ".", {});
+CompiledScene compile(const std::string& text, const TransferTerms& terms) {
+  SceneDescription description = read_scene_text(text, "test.pbrt", ".", {});
+  description.settings.terms = terms;
   CompiledScene scene;
+  scene.settings.terms = terms;
   scene.world = build_world(description);
   scene.settings.max_depth = description.settings.max_depth;
   scene.width = description.film.x_resolution;
   scene.height = description.film.y_resolution;
+  return scene;
+}
+
+CompiledScene with_estimator(CompiledScene scene, const EstimatorChoice& choice) {
+  const EstimatorInfo* estimator = find_estimator(choice.name);
+  EXPECT_NE(estimator, nullptr) << choice.name;
+  scene.radiance = estimator->radiance;
+  scene.settings.paper = {static_cast<float>(choice.step * scene.world->space.scale), choice.directions, choice.branching};
   return scene;
 }
 

@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "renderer/transport/path.h"
+#include "renderer/transport/estimator.h"
 
 namespace woodcock::testing {
 
@@ -15,8 +15,18 @@ struct CompiledScene {
   std::unique_ptr<const World> world;
   PathSettings settings;
   int width = 0, height = 0;
+  RadianceFunction radiance = trace_path;
 };
-CompiledScene compile(const std::string& text);
+CompiledScene compile(const std::string& text, const TransferTerms& terms = {});
+
+/// An estimator with what it takes; `step` in world units.
+struct EstimatorChoice {
+  std::string name;
+  double step = 0;
+  int directions = 1, branching = 1;
+};
+/// The same scene by another estimator.
+CompiledScene with_estimator(CompiledScene scene, const EstimatorChoice& choice);
 
 /// Mean over samples of every pixel. Samples are independent, so the standard error comes from their spread.
 struct Estimate {
