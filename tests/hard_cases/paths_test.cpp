@@ -305,13 +305,23 @@ TEST(HardCases, N24_opacity_does_not_depend_on_how_a_medium_is_cut) {
     }
 }
 
-// σt t reaches 10⁶ in one channel and 10³ in another: each transmittance is 0 in float32, their quotients are not.
+// σt t reaches 10⁶ in one channel and 10³ in another, or is 0·∞: each transmittance is 0 in float32 or no number, their quotients
+// are not.
 TEST(HardCases, N25_quotients_of_transmittances_that_underflow_are_finite) {
   const std::string ball = perspective({0, 0, 4}, {0, 0, 0}, 20, 1000) + "WorldBegin\n" + environment(1) +
                            homogeneous("m", {10, 1000, 1e6f}, {500, 500, 500}, 0.2) + boundary("m", "", sphere(1));
   const Estimate e = estimate(ball, 20000, 1);
   EXPECT_EQ(e.counters.nonfinite, 0u);
   for (size_t c = 0; c < 3; ++c) EXPECT_TRUE(std::isfinite(e.mean[c]) && e.mean[c] > 0 && e.mean[c] < 1) << c << ": " << e.mean[c];
+  // Without an end: red passes through for certain, the others never; what they scatter reaches no light.
+  const Estimate endless = estimate(homogeneous("m", {0, 0.2f, 1}, {0, 0.3f, 1}) + "MediumInterface \"\" \"m\"\n" +
+                                        perspective({0, 0, 0}, {0, 0, 1}, 60, 5) + "WorldBegin\n" + environment(1),
+                                    20000, 1);
+  EXPECT_EQ(endless.counters.nonfinite, 0u);
+  EXPECT_NEAR(endless.mean[0], 1, kStandardErrors * endless.error[0]);
+  EXPECT_LT(endless.error[0], 0.02);
+  EXPECT_EQ(endless.mean[1], 0);
+  EXPECT_EQ(endless.mean[2], 0);
   // A sheet that only absorbs: each channel alone.
   const Estimate sheet = estimate(perspective({0, 0, 4}, {0, 0, 0}, 0.01, 1000) + "WorldBegin\n" + environment(1) +
                                       homogeneous("m", {1e-3f, 100, 1e5f}, Rgb(0)) + boundary("m", "", sphere(1)),

@@ -171,6 +171,27 @@ TEST(HardCases, N46_sample_indices_and_vertices_beyond_32_bits_are_numbers_of_th
   EXPECT_NEAR(sum / 1e6, 0.5, 5 / std::sqrt(12e6));
 }
 
+// A sequence of low discrepancy has 2³² points; behind them a new one begins, and no point lies outside of [0, 1).
+TEST(HardCases, N46_low_discrepancy_numbers_go_on_beyond_the_end_of_a_sequence) {
+  const uint64_t seed = frame_seed(1, 0);
+  std::set<std::pair<float, float>> points;
+  int count = 0;
+  // A replicate's place in its sequence is the sample index over eight: its ends and the middle, and beyond.
+  for (const uint64_t place :
+       {uint64_t{0}, uint64_t{1} << 30, (uint64_t{1} << 32) - 500, uint64_t{1} << 32, uint64_t{1} << 33, uint64_t{1} << 55})
+    for (uint64_t i = 0; i < 1000; ++i, ++count) {
+      const PathKey key = path_key(seed, 3, 5, (place + i) * kReplicates, 0, true);
+      const Vec2 u = stream(key, 0, Purpose::kLens).uniform2();
+      ASSERT_TRUE(u.x >= 0 && u.x < 1 && u.y >= 0 && u.y < 1) << place + i;
+      points.insert({u.x, u.y});
+    }
+  // The first 500 points behind 2³² − 500 and those from 2³² on overlap by 500; what else is equal is chance, one in 2⁴⁸.
+  EXPECT_EQ(points.size(), static_cast<size_t>(count - 500));
+  // Vertices that have no such numbers any more have independent ones.
+  Stream late = stream(path_key(seed, 3, 5, 8, 0, true), 1000000, Purpose::kDirection);
+  EXPECT_EQ(late.next_u64(), stream(path_key(seed, 3, 5, 8), 1000000, Purpose::kDirection).next_u64());
+}
+
 TEST(HardCases, N48_frames_exist_for_every_axis_and_both_zeros) {
   std::vector<Vec3> normals;
   for (const float a : {1.0f, -1.0f})

@@ -9,8 +9,6 @@
 #include <cmath>
 #include <functional>
 
-#include "tests/statistical/reference_cases.h"
-#include "tests/statistical/reference_scenes.h"
 #include "tests/transport/estimate.h"
 
 namespace woodcock::testing {
@@ -182,66 +180,6 @@ TEST(PaperEstimators, ReportTheFirstEvent) {
     const auto got = mean(with_estimator(compile(scene), choice), 20000);
     // Each value lies in [0, 4] with a spread below 0.5: 5 standard errors of a difference of means are below 0.025.
     for (size_t i = 0; i < got.size(); ++i) EXPECT_NEAR(got[i], expected[i], 0.025) << choice.name << " value " << i;
-  }
-}
-
-/// The transmittance that a march with steps of `step` gives on average along −z through the medium of a scene, by the
-/// definition: cells of the segment [z0, z1], each looked up at the fraction u, and u averaged over 0..1.
-double marched_transmittance(const CompiledScene& scene, double step) {
-  const CameraSample camera = camera_sample(*scene.world, path_key(1, 4, 4, 0), 4, 4);
-  Ray ray = camera.ray;
-  const double length = step * scene.world->space.scale;
-  const auto entry = scene.world->geometry.intersect(ray, kInf);
-  ray.o = offset_origin(scene.world->geometry.surface(*entry, ray), ray.d);
-  const double z = scene.world->geometry.intersect(ray, kInf)->t;
-  constexpr int kU = 400;
-  double sum = 0;
-  for (int i = 0; i < kU; ++i) {
-    double depth = 0;
-    for (double a = 0; a < z; a += length) {
-      const double b = std::min(z, a + length);
-      depth += (b - a) * static_cast<double>(scene.world->media[0].sigma_t(ray.at(static_cast<float>(a + (i + 0.5) / kU * (b - a)))).g);
-    }
-    sum += std::exp(-depth) / kU;
-  }
-  return sum;
-}
-
-reference::Scene reference_scene(const std::string& id) {
-  for (const auto& c : reference::read_cases(WOODCOCK_SOURCE_DIR "/tests/statistical/cases.json"))
-    if (c.id == id) return reference::scenes_of(c).back();
-  throw std::out_of_range(id);
-}
-
-// P07 and P08. E exp(−τ̂) ≥ exp(−τ), and the difference falls at least with the square of the step (eq. 10 of the paper, in numbers).
-TEST(MarchedTransmittance, IsTooLargeByAnErrorThatFallsWithTheStep) {
-  for (const std::string id : {"P07", "P08"}) {
-    const reference::Scene reference = reference_scene(id);
-    const CompiledScene scene = compile(reference.text);
-    double before = 0;
-    for (const double step : {1.6, 0.8, 0.4}) {
-      const double bias = marched_transmittance(scene, step) / reference.expected - 1;
-      if (before > 1e-4) {
-        EXPECT_LT(bias, before / 3.2) << id << " step " << step;
-      }
-      EXPECT_GT(bias, -2e-5) << id << " step " << step;
-      before = bias;
-    }
-    EXPECT_GT(marched_transmittance(scene, 1.6) / reference.expected, 1.05) << id << ": the first step must show something";
-  }
-}
-
-TEST(MarchedTransmittance, IsWhatTheEstimatorsGive) {
-  for (const std::string id : {"P07", "P08"}) {
-    const CompiledScene scene = compile(reference_scene(id).text);
-    for (const double step : {1.6, 0.8}) {
-      const double expected = marched_transmittance(scene, step);
-      for (const std::string name : {"march", "march-phase"})
-        expect_value(estimate(with_estimator(compile(reference_scene(id).text), {name, step}), 20000, 11), expected, 0.02,
-                     fmt::format("{} {} step {}", name, id, step));
-      expect_value(estimate(with_estimator(compile(reference_scene(id).text), {"line", step, 16}), 20000, 12), expected, 0.02,
-                   fmt::format("line {} step {}", id, step));
-    }
   }
 }
 

@@ -18,7 +18,7 @@ std::string ball_of(const std::string& media, double fov = 30, int depth = 1000)
   return perspective({0, 0, 4}, {0, 0, 0}, fov, depth) + "WorldBegin\n" + environment({1, 2, 3}) + media + boundary("m", "", sphere(1));
 }
 
-TEST(SumOfMedia, N15_transmittance_is_the_product_of_the_parts) {
+TEST(HardCases, N15_transmittance_is_the_product_of_the_parts) {
   // Through the middle of a ball of radius 1: exp(−2 Σσ). The parts are defined after the sum.
   const std::string text =
       ball_of(sum("m", "\"a\" \"b\" \"a\"") + homogeneous("a", {0.1, 0.2, 0.3}, Rgb(0)) + homogeneous("b", {0.5, 0, 2}, Rgb(0)), 1e-3);
@@ -26,7 +26,7 @@ TEST(SumOfMedia, N15_transmittance_is_the_product_of_the_parts) {
   expect_value(estimate(text, 200, 1), expected, 1e-5, "three absorbing parts");
 }
 
-TEST(SumOfMedia, N15_homogeneous_parts_without_scattering_give_the_same_bits_as_one_medium) {
+TEST(HardCases, N15_homogeneous_parts_without_scattering_give_the_same_bits_as_one_medium) {
   // Coefficients whose sums are exact in float.
   const auto one = compile(ball_of(homogeneous("m", {0.75, 0.5, 1.5}, Rgb(0))));
   const auto two =
@@ -34,13 +34,13 @@ TEST(SumOfMedia, N15_homogeneous_parts_without_scattering_give_the_same_bits_as_
   EXPECT_EQ(radiances(one, 500, 3), radiances(two, 500, 3));
 }
 
-TEST(SumOfMedia, N15_homogeneous_parts_scatter_and_glow_as_one_medium) {
+TEST(HardCases, N15_homogeneous_parts_scatter_and_glow_as_one_medium) {
   const std::string one = homogeneous("m", {0.5, 1, 0.25}, {1, 2, 3}, 0.4, {1, 0, 2});
   const std::string two = homogeneous("a", {0.5, 1, 0.25}, {0.25, 1, 0}, 0.4, {1, 0, 2}) + homogeneous("b", Rgb(0), {0.75, 1, 3}, 0.4);
   expect_equal(estimate(ball_of(one), 40000, 5), estimate(ball_of(two + sum("m", "\"a\" \"b\"")), 40000, 6), 0.01, "one and two parts");
 }
 
-TEST(SumOfMedia, N15_phase_functions_mix_by_sigma_s) {
+TEST(HardCases, N15_phase_functions_mix_by_sigma_s) {
   // Two lobes in one medium, or one in each of two, of the same weights: the same phase function.
   const std::string lobes =
       "MakeNamedMedium \"m\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [ .2 .2 .2 ] \"rgb sigma_s\" [ 4 4 4 ] \"string phase\" "
@@ -49,7 +49,7 @@ TEST(SumOfMedia, N15_phase_functions_mix_by_sigma_s) {
   expect_equal(estimate(ball_of(lobes, 30, 3), 60000, 7), estimate(ball_of(parts, 30, 3), 60000, 8), 0.01, "two lobes and two media");
 }
 
-TEST(SumOfMedia, N15_a_grid_and_a_fog_are_the_same_as_one_grid_of_both) {
+TEST(HardCases, N15_a_grid_and_a_fog_are_the_same_as_one_grid_of_both) {
   // 6³ voxels of edge 0.6 reach a voxel beyond the ball, so that no interpolant fades inside of it.
   const int side = 6;
   std::string density, sigma_a, sigma_s;
@@ -72,7 +72,7 @@ TEST(SumOfMedia, N15_a_grid_and_a_fog_are_the_same_as_one_grid_of_both) {
   EXPECT_EQ(b.counters.majorant_violations, 0u);
 }
 
-TEST(SumOfMedia, N15_parts_that_glow_add_their_light) {
+TEST(HardCases, N15_parts_that_glow_add_their_light) {
   // Absorbing and glowing only: the emission of a grid and of a fog, against a fog of both in the part where the grid is
   // constant. In closed form through the middle: Σσa Le/σ (1 − exp(−2σ)).
   const std::string parts = constant_grid("c", Rgb(0.5f), Rgb(0), 1.5, 0, {2, 1, 0}) + homogeneous("f", Rgb(0.25f), Rgb(0), 0, {0, 4, 4}) +
@@ -83,7 +83,7 @@ TEST(SumOfMedia, N15_parts_that_glow_add_their_light) {
                "glow of grid and fog");
 }
 
-TEST(SumOfMedia, N15_every_estimator_that_tracks_or_marches_sees_all_parts) {
+TEST(HardCases, N15_every_estimator_that_tracks_or_marches_sees_all_parts) {
   // Absorbing and glowing, so that all of them apply: two grids, of which the smaller ends inside of the ball. Marching estimators may be
   // off by their step.
   const std::string parts = constant_grid("c", Rgb(0.5f), Rgb(0), 0.4, 0, {2, 1, 0}) +
@@ -100,7 +100,7 @@ TEST(SumOfMedia, N15_every_estimator_that_tracks_or_marches_sees_all_parts) {
   }
 }
 
-TEST(SumOfMedia, N15_without_a_sum_the_last_boundary_decides) {
+TEST(HardCases, N15_without_a_sum_the_last_boundary_decides) {
   // A ball of b in a ball of a: b alone is inside. As a sum it is both.
   const std::string media = homogeneous("a", Rgb(0.5f), Rgb(0)) + homogeneous("b", Rgb(0.25f), Rgb(0)) + sum("s", "\"a\" \"b\"");
   const auto scene = [&](const std::string& inner) {
