@@ -6,6 +6,7 @@
 #include "client/commands.h"
 #include "client/frame_options.h"
 #include "renderer/frame/frame_renderer.h"
+#include "renderer/transport/kernels.h"
 #include "renderer/world/effect_plan.h"
 
 namespace woodcock {
@@ -16,6 +17,19 @@ struct ExplainOptions {
   FrameSettings settings;
   bool json = false;
 };
+
+/// The kernel that `auto` runs, in words.
+std::string kernel_of(const World& world) {
+  const uint32_t compiled = smallest_kernel(world.effects).effects;
+  std::string names;
+  for (const auto& [bit, name] : kEffectNames) {
+    if ((compiled & bit) == 0) continue;
+    if (!names.empty()) names += ", ";
+    names += name;
+    if ((world.effects & bit) == 0) names += " (not used)";
+  }
+  return names.empty() ? "nothing but rays" : names;
+}
 
 std::string place(const SourceLocation& w) { return w.line == 0 ? std::string() : fmt::format("{}:{}:{}", w.file, w.line, w.column); }
 
@@ -35,6 +49,7 @@ int run(const ExplainOptions& options) {
     j["effects"] = nlohmann::json::array();
     for (const auto& e : plan)
       j["effects"].push_back({{"effect", e.effect}, {"needed", e.needed}, {"reason", e.reason}, {"where", place(e.where)}});
+    j["kernel"] = kernel_of(frame.world());
     j["ignored"] = nlohmann::json::array();
     for (const auto& i : scene.ignored)
       j["ignored"].push_back({{"what", i.what}, {"where", place(i.where)}, {"changes_picture", i.changes_picture}});
@@ -48,6 +63,7 @@ int run(const ExplainOptions& options) {
   for (const auto& e : plan) {
     fmt::print("  {:<28} {:<4} {}{}\n", e.effect, e.needed ? "yes" : "no", e.reason, e.where.line != 0 ? " (" + place(e.where) + ")" : "");
   }
+  fmt::print("  kernel of auto, compiled for: {}\n", kernel_of(frame.world()));
   for (const auto& i : scene.ignored) {
     fmt::print("  left out{}: {} ({})\n", i.changes_picture ? ", changes the picture" : "", i.what, place(i.where));
   }

@@ -1,5 +1,7 @@
 #include "client/frame_options.h"
 
+#include <fmt/format.h>
+
 #include <charconv>
 #include <stdexcept>
 #include <vector>
@@ -96,6 +98,24 @@ void add_frame_options(CLI::App& command, FrameSettings& settings) {
   command.add_flag(
       "--allow-unsupported", settings.allow_unsupported,
       "Render although the scene asks for something that Woodcock cannot do yet; what was left out is listed and recorded in the EXR");
+}
+
+std::string options_of(const FrameSettings& settings) {
+  std::string text;
+  const auto add = [&](const char* option, const auto& value) { text += fmt::format(" {} {}", option, value); };
+  if (settings.resolution) text += fmt::format(" --resolution {}x{}", (*settings.resolution)[0], (*settings.resolution)[1]);
+  if (settings.seed) add("--seed", *settings.seed);
+  if (settings.max_depth) add("--max-depth", *settings.max_depth);
+  if (settings.estimator != "auto") add("--estimator", settings.estimator);
+  if (!settings.only.empty()) add("--only", settings.only);
+  if (settings.step) add("--step", *settings.step);
+  if (settings.directions) add("--directions", *settings.directions);
+  if (settings.branching) add("--branching", *settings.branching);
+  if (!settings.without.empty()) add("--without", settings.without);
+  if (!settings.plan) add("--plan", "off");
+  if (settings.full_kernel) add("--kernel", "full");
+  if (settings.allow_unsupported) text += " --allow-unsupported";
+  return text;
 }
 
 }  // namespace woodcock

@@ -12,4 +12,7 @@ namespace woodcock {
 /// and a check of the estimator's options against each other when all are parsed. `settings` must outlive the parsing.
 void add_frame_options(CLI::App& command, FrameSettings& settings);
 
+/// The options that give these settings again, without samples and crop: what a command needs to repeat a sample.
+std::string options_of(const FrameSettings& settings);
+
 }  // namespace woodcock

@@ -6,9 +6,20 @@
 
 namespace woodcock {
 
-std::vector<std::string> health_warnings(const PathCounters& c) {
+std::vector<std::string> health_warnings(const PathCounters& c, const std::string& repeat) {
   std::vector<std::string> lines;
-  if (c.nonfinite > 0) lines.push_back(fmt::format("{} samples were not finite and count as zero", c.nonfinite));
+  if (c.nonfinite > 0) {
+    std::string line = fmt::format("{} samples were not finite and count as zero", c.nonfinite);
+    if (const auto& first = c.first_nonfinite) {
+      line +=
+          fmt::format(": {} no number, {} infinite, {} in an optional channel; the first is sample {} of pixel ({}, {})", c.nan_radiance,
+                      c.infinite_radiance, c.nonfinite - c.nan_radiance - c.infinite_radiance, first->sample, first->x, first->y);
+      if (!repeat.empty())
+        line += fmt::format("; again: {} --crop {},{},{},{} --samples {}:{}", repeat, first->x, first->x + 1, first->y, first->y + 1,
+                            first->sample, first->sample + 1);
+    }
+    lines.push_back(std::move(line));
+  }
   if (c.clamped > 0)
     lines.push_back(fmt::format("{} samples were clamped by the film's maxcomponentvalue: the picture is biased", c.clamped));
   if (c.majorant_violations > 0)
@@ -17,8 +28,8 @@ std::vector<std::string> health_warnings(const PathCounters& c) {
   return lines;
 }
 
-void report_health(const PathCounters& counters) {
-  for (const std::string& line : health_warnings(counters)) fmt::print(stderr, "warning: {}\n", line);
+void report_health(const PathCounters& counters, const std::string& repeat) {
+  for (const std::string& line : health_warnings(counters, repeat)) fmt::print(stderr, "warning: {}\n", line);
 }
 
 std::string format_bias(const std::string& estimator) {

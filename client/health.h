@@ -9,11 +9,12 @@
 
 namespace woodcock {
 
-/// One sentence for each cause that was counted; empty when all went well.
-std::vector<std::string> health_warnings(const PathCounters& counters);
+/// One sentence for each cause that was counted; empty when all went well. `repeat` is a command without pixel and sample,
+/// to which those of the first sample that was not finite are added.
+std::vector<std::string> health_warnings(const PathCounters& counters, const std::string& repeat = {});
 
 /// These sentences on standard error.
-void report_health(const PathCounters& counters);
+void report_health(const PathCounters& counters, const std::string& repeat = {});
 
 /// A line that says by what an estimator is biased, ending in a newline; empty for one that is not, or is not known here.
 std::string format_bias(const std::string& estimator);

@@ -65,7 +65,11 @@ nlohmann::json counters_json(const PathCounters& c) {
           {"rays", c.rays},
           {"shadow_rays", c.shadow_rays},
           {"medium_lookups", c.medium_lookups},
+          {"emission_lookups", c.emission_lookups},
+          {"channel_draws", c.channel_draws},
           {"nonfinite_samples", c.nonfinite},
+          {"nan_radiance", c.nan_radiance},
+          {"infinite_radiance", c.infinite_radiance},
           {"clamped_samples", c.clamped},
           {"majorant_violations", c.majorant_violations},
           {"truncated_paths", c.truncated}};
@@ -139,7 +143,7 @@ int run(const RenderOptions& options) {
     fmt::print("{}: the same picture to look at\n", png.string());
     fmt::print("{}{}{}", format_error(error), format_bias(options.settings.estimator), format_price(error, seconds_per_sample));
   }
-  report_health(progress.counters);
+  report_health(progress.counters, fmt::format("woodcock render '{}'{} -o sample.exr", options.scene, options_of(options.settings)));
   if (!result.complete) {
     if (error.missing_pixels > 0) {
       fmt::print(stderr, "interrupted in the first pass: {} misses {} pixels (count 0) and cannot be resumed\n", output.string(),

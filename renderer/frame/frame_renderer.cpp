@@ -16,12 +16,17 @@
 namespace woodcock {
 namespace {
 
-/// What the film makes of a sample. One that is not finite contributes nothing but still counts: it is reported, not
-/// hidden. `maxcomponentvalue` holds before the filter's weight, as in pbrt-v4, so that negative lobes are cut alike.
-Rgb developed(PathResult& path, float weight, const FilmDescription& film, PathCounters& count) {
+/// What the film makes of a sample. One that is not finite contributes nothing but still counts: it is reported with its
+/// cause and its place, not hidden. `maxcomponentvalue` holds before the filter's weight, as in pbrt-v4, so that negative
+/// lobes are cut alike.
+Rgb developed(PathResult& path, float weight, const FilmDescription& film, SampleId id, PathCounters& count) {
   Rgb radiance = path.radiance * film.image_scale;
   if (!is_finite(radiance) || !is_finite(path.albedo) || !is_finite(path.normal) || !std::isfinite(path.depth)) {
-    ++count.nonfinite;
+    PathCounters bad;
+    bad.nonfinite = 1;
+    bad.first_nonfinite = id;
+    if (!is_finite(radiance)) ++(glm::any(glm::isnan(radiance)) ? bad.nan_radiance : bad.infinite_radiance);
+    count.add(bad);
     path = {};
     return Rgb(0);
   }
@@ -116,7 +121,7 @@ std::optional<Tile> FrameRenderer::render(const PixelRect& rect, const SampleRan
                                    impl_->low_discrepancy);
       const CameraSample camera = camera_sample(*impl_->world, key, x, y);
       PathResult path = impl_->radiance(*impl_->world, settings, camera.ray, key, count);
-      accumulator.push(leaf(developed(path, camera.weight, film, count), {path.albedo, path.normal, path.depth}, i));
+      accumulator.push(leaf(developed(path, camera.weight, film, {i, x, y}, count), {path.albedo, path.normal, path.depth}, i));
       if (++reported_samples == 64) {
         progress.samples.fetch_add(reported_samples, std::memory_order_relaxed);
         reported_samples = 0;

@@ -2,8 +2,17 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
+#include <tuple>
 
 namespace woodcock {
+
+/// One sample of a frame, and how to name the first of several whatever the order in which they were rendered.
+struct SampleId {
+  int64_t sample = 0;
+  int x = 0, y = 0;  ///< pixel of the full image
+  bool operator<(const SampleId& o) const { return std::tie(sample, y, x) < std::tie(o.sample, o.y, o.x); }
+};
 
 struct PathCounters {
   uint64_t paths = 0;
@@ -14,9 +23,12 @@ struct PathCounters {
   uint64_t emission_lookups = 0;     ///< ... of which the emission, too
   uint64_t channel_draws = 0;        ///< distances drawn from one of several channels
   uint64_t nonfinite = 0;            ///< samples with a NaN or an infinity: they count as zero
+  uint64_t nan_radiance = 0;         ///< ... of which the radiance was no number
+  uint64_t infinite_radiance = 0;    ///< ... infinite; the rest had an AOV that was not finite
   uint64_t clamped = 0;              ///< samples that the film's maxcomponentvalue cut
   uint64_t majorant_violations = 0;  ///< look-ups with σt above the bound
   uint64_t truncated = 0;            ///< paths cut off after too many boundaries without a scattering
+  std::optional<SampleId> first_nonfinite;
 
   void add(const PathCounters& o) {
     paths += o.paths;
@@ -27,6 +39,9 @@ struct PathCounters {
     emission_lookups += o.emission_lookups;
     channel_draws += o.channel_draws;
     nonfinite += o.nonfinite;
+    nan_radiance += o.nan_radiance;
+    infinite_radiance += o.infinite_radiance;
+    if (o.first_nonfinite && (!first_nonfinite || *o.first_nonfinite < *first_nonfinite)) first_nonfinite = o.first_nonfinite;
     clamped += o.clamped;
     majorant_violations += o.majorant_violations;
     truncated += o.truncated;

@@ -1,7 +1,9 @@
 // The effects that cost code when simulated, as bits: what a scene calls for, and what a kernel is compiled for.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <utility>
 
 namespace woodcock {
 
@@ -19,6 +21,18 @@ enum Effect : uint32_t {
   kEquiangular = 1u << 9,          ///< a bounded light in or beside a medium thin enough that it matters where it stands
   kEmissionSampling = 1u << 10,    ///< a grid emits: its bricks are lights
 };
+/// In the order of the bits.
+inline constexpr std::array<std::pair<Effect, const char*>, 11> kEffectNames{{{kHomogeneousMedia, "homogeneous media"},
+                                                                              {kHeterogeneousMedia, "heterogeneous media"},
+                                                                              {kVolumeScattering, "volume scattering"},
+                                                                              {kVolumeEmission, "volume emission"},
+                                                                              {kChromaticExtinction, "chromatic extinction"},
+                                                                              {kPassableSurfaces, "passable surfaces"},
+                                                                              {kSurfaces, "surfaces"},
+                                                                              {kGeneralSurfaces, "surfaces other than diffuse"},
+                                                                              {kLightSampling, "light sampling"},
+                                                                              {kEquiangular, "equiangular sampling"},
+                                                                              {kEmissionSampling, "emissive bricks as lights"}}};
 inline constexpr uint32_t kAllEffects = (1u << 11) - 1;
 
 }  // namespace woodcock
