@@ -3,8 +3,17 @@
 
 #include "renderer/transport/kernels.h"
 #include "renderer/transport/path_kernel.h"
+#include "renderer/transport/path_kernel_light.h"
+#include "renderer/transport/path_kernel_media.h"
 
 namespace woodcock {
+
+/// One path by the kernel of `kMask`.
+template <uint32_t kMask>
+PathResult run_kernel(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
+  ++count.paths;
+  return PathKernel<kMask>(world, settings, active_effects(world, settings), ray, key, count).run();
+}
 
 /// The kernels of these sets of effects.
 template <uint32_t... kMasks>

@@ -2,7 +2,8 @@
 //
 //   L(x, ω) = ∫₀ᶻ T(s) [σa Le + σs ∫ f(ω, ω′) L(ω′) dω′] ds + T(z) L₀
 //
-// with L₀ from the rendering equation (Kajiya 1986) at surfaces. Included by the kernels' own files only.
+// with L₀ from the rendering equation (Kajiya 1986) at surfaces. This is the loop and what it does at surfaces; flights
+// through media are in path_kernel_media.h, light is in path_kernel_light.h. kernel_group.h includes all three.
 #pragma once
 
 #include <algorithm>
@@ -27,16 +28,6 @@ inline Frame shading_frame(Vec3 ns, Vec3 dpdu) {
   if (!(length2 > 1e-12f * length_squared(dpdu))) return Frame::from_normal(ns);
   const Vec3 unit = s / std::sqrt(length2);
   return {unit, glm::cross(ns, unit), ns};
-}
-
-/// j (1 − exp(−σ t))/σ per channel: what a segment of length t emits towards its start; j t where nothing dims it.
-inline Rgb segment_emission(Rgb j, Rgb sigma, float t) {
-  Rgb result{0};
-  for (int c = 0; c < 3; ++c) {
-    const double sigma_c = sigma[c], t_c = t, j_c = j[c];
-    if (j[c] > 0) result[c] = static_cast<float>(sigma[c] > 0 ? -std::expm1(-sigma_c * t_c) * (j_c / sigma_c) : j_c * t_c);
-  }
-  return result;
 }
 
 /// One path. Members carry what the next event needs.
@@ -152,38 +143,7 @@ class PathKernel {
   bool is_chromatic(const Medium& medium) const { return uses(kChromaticExtinction) && !(ways_.grey && medium.is_grey()); }
 
   /// Closed forms. Emission of the whole segment: ∫₀ᵗ exp(−σt s) σa Le ds.
-  std::optional<float> fly_homogeneous(const Medium& medium, float t_max) {
-    const MediumPoint& m = medium.homogeneous();
-    if (uses(kVolumeEmission) && medium.emits()) add(segment_emission(m.emission, m.sigma_t, t_max));
-    if (!uses(kVolumeScattering) || !medium.scatters() || !may_scatter()) {
-      beta_ *= attenuation(m.sigma_t, t_max);
-      ended_ = is_black(beta_);
-      return std::nullopt;
-    }
-    if (!is_chromatic(medium)) {
-      const float t = flight_.exponential() / m.sigma_t.x;
-      if (t >= t_max) return std::nullopt;
-      beta_ *= m.sigma_s / m.sigma_t.x;
-      return t;
-    }
-    const Rgb share = shares();
-    const int hero = choose_channel(share);
-    const float hero_sigma = m.sigma_t[hero];
-    const float t = hero_sigma > 0 ? flight_.exponential() / hero_sigma : kInf;
-    const bool through = t >= t_max;
-    // Transmittances relative to the hero's: exp(−(σt − σt_hero) t), formed in the exponent so that the ratio of two
-    // numbers too small for a float is right.
-    Rgb relative{1};
-    for (int c = 0; c < 3; ++c) {
-      if (m.sigma_t[c] != hero_sigma) relative[c] = std::exp((hero_sigma - m.sigma_t[c]) * std::min(t, t_max));
-    }
-    const Rgb value = through ? relative : relative * m.sigma_s, density = through ? relative : relative * m.sigma_t;
-    const float mixture = glm::dot(share, density);
-    beta_ *= mixture > 0 ? value / mixture : Rgb(0);
-    ended_ = is_black(beta_);
-    if (through) return std::nullopt;
-    return t;
-  }
+  std::optional<float> fly_homogeneous(const Medium& medium, float t_max);
 
   Rgb shares() const { return beta_ / (beta_.r + beta_.g + beta_.b); }
 
@@ -200,70 +160,10 @@ class PathKernel {
   /// 1 − σa/σ̄, so that absorption dims paths and never kills them (Raab, Seibert & Keller 2006; Galtier et al. 2013).
   /// Channels share σ̄, so their mixture needs no more than q = β·σs / β·(σs + σn). Emission adds σa Le/σ̄ at every
   /// tentative collision.
-  std::optional<float> track(const Medium& medium, float t_max) {
-    const bool scatters = uses(kVolumeScattering) && medium.scatters() && may_scatter();
-    const bool emits = uses(kVolumeEmission) && medium.emits();
-    if (!scatters && !emits) {
-      beta_ *= estimate_transmittance(medium, ray_, t_max, flight_, count_, ways_);
-      ended_ = is_black(beta_);
-      return std::nullopt;
-    }
-    if (!std::isfinite(t_max) && medium.is_homogeneous()) {
-      // Sources without extinction all the way to infinity.
-      ++count_.truncated;
-      ended_ = true;
-      return std::nullopt;
-    }
-    if (!emits && ways_.grey && medium.is_achromatic()) return track_achromatic(medium, t_max);
-    TentativeCollisions collisions(medium, ray_, t_max, flight_, ways_.bricks, emits ? emission_rate(medium, t_max) : 0);
-    while (collisions.next()) {
-      ++count_.medium_lookups;
-      const float majorant = collisions.majorant(), inverse = 1 / majorant;
-      const Vec3 p = ray_.at(collisions.t());
-      const MediumPoint m = medium.at(p);
-      if (emits) {
-        ++count_.emission_lookups;
-        add_volume_emission(medium, m.emission * inverse, p);
-      }
-      Rgb sigma_n = Rgb(majorant) - m.sigma_t;
-      for (int c = 0; c < 3; ++c) sigma_n[c] = checked_null(sigma_n[c], majorant);
-      const Rgb sigma_s = scatters ? m.sigma_s : Rgb(0);
-      const float sum = glm::dot(beta_, sigma_s + sigma_n);
-      if (!(sum > 0)) {
-        // Every channel that still carries light is absorbed here.
-        ended_ = true;
-        return std::nullopt;
-      }
-      const float q = glm::dot(beta_, sigma_s) / sum;
-      const bool real = scatters && flight_.uniform() < q;
-      beta_ *= (real ? sigma_s : sigma_n) * (inverse / (real ? q : 1 - q));
-      if (real) return collisions.t();
-    }
-    return std::nullopt;
-  }
+  std::optional<float> track(const Medium& medium, float t_max);
 
   /// The same for one number in place of three. In a brick of constant density every collision is a scattering.
-  std::optional<float> track_achromatic(const Medium& medium, float t_max) {
-    const float unit_t = medium.unit().sigma_t.x, unit_s = medium.unit().sigma_s.x;
-    TentativeCollisions collisions(medium, ray_, t_max, flight_, ways_.bricks);
-    while (collisions.next()) {
-      const float majorant = collisions.majorant();
-      if (ways_.residual && unit_s <= unit_t && collisions.in_constant_brick()) {
-        beta_ *= unit_s / unit_t;
-        return collisions.t();
-      }
-      ++count_.medium_lookups;
-      const float density = medium.density(ray_.at(collisions.t()));
-      const float sigma_s = unit_s * density, sigma_n = checked_null(majorant - unit_t * density, majorant), sum = sigma_s + sigma_n;
-      if (!(sum > 0)) {
-        ended_ = true;
-        return std::nullopt;
-      }
-      beta_ *= sum / majorant;
-      if (flight_.uniform() * sum < sigma_s) return collisions.t();
-    }
-    return std::nullopt;
-  }
+  std::optional<float> track_achromatic(const Medium& medium, float t_max);
 
   /// σn, which a violated bound makes negative. Rounding of the interpolation is no violation; the bound carries an
   /// allowance for it.
@@ -281,59 +181,14 @@ class PathKernel {
 
   /// Emission met at a tentative collision. It could have been sampled as a light, too: in the measure dω dt this ray came
   /// with the density of its direction times the rate of collisions, for which a constant of the medium stands.
-  void add_volume_emission(const Medium& medium, Rgb radiance, Vec3 p) {
-    if (is_black(radiance)) return;
-    float mis = 1;
-    if (uses(kEmissionSampling) && direction_pdf_ > 0 && medium.emission_bricks() != nullptr) {
-      const float sampled = world_.emissive_pmf(medium_) * medium.emission_bricks()->pdf(p) * length_squared(p - reference_);
-      mis = power_heuristic(direction_pdf_ * typical_rate(medium), sampled);
-    }
-    add(radiance * mis);
-  }
+  void add_volume_emission(const Medium& medium, Rgb radiance, Vec3 p);
   static float typical_rate(const Medium& medium) { return static_cast<float>(std::max(4 / medium.diagonal(), medium.mean_sigma_t())); }
 
   /// The point at t, which lies before the hit. Rounding may put a point next to a boundary on it or beyond, and a path
   /// that went on from there would take the medium to be endless: such a point goes to the near side.
-  Vec3 before_boundary(float t, const Hit& hit) const {
-    const Vec3 p = ray_.at(t);
-    constexpr double kNear = 1e-3;  // farther away rounding matters only to rays that graze at less than 1e-4
-    if (hit.t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit.t)) return p;
-    const SurfacePoint s = world_.geometry.surface(hit, ray_);
-    const Vec3 towards_us = glm::dot(ray_.d, s.ng) < 0 ? s.ng : -s.ng;
-    if (uses(kTouching) && may_coincide(world_.surfaces[static_cast<size_t>(hit.shape)], s.p))
-      return Junction(world_, ray_, hit).origin(p, -ray_.d);
-    if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
-    return offset_origin(s, -ray_.d);
-  }
+  Vec3 before_boundary(float t, const Hit& hit) const;
 
-  bool scatter_in_medium(float t, Vec3 p) {
-    const Medium& medium = world_.media[medium_];
-    travelled_ += t;
-    if (uses(kEquiangular)) {
-      last_flight_.reset();
-      if (vertex_ < kEquiangularVertices) {
-        last_flight_ = this_flight_;
-        last_flight_->t = t;
-      }
-    }
-    if (!first_seen_) see_first(albedo(medium, p), Vec3(0));
-    next_vertex();
-    const PhaseMix phase = medium.phase_at(p);
-    const Vec3 wo = -ray_.d;
-
-    sample_lights(p, [&](Vec3 wi, Scattered& scattered) {
-      scattered = {phase.eval(wo, wi), phase.pdf(wo, wi), {p, wi, ray_.time}, medium_};
-    });
-
-    Stream direction = stream(key_, vertex_, Purpose::kDirection);
-    const Vec2 u = direction.uniform2();
-    const auto sample = phase.sample(wo, u, direction.uniform());
-    ray_ = {p, sample.wi, ray_.time};
-    beta_ *= sample.weight;
-    direction_pdf_ = sample.pdf;
-    after_scattering(p);
-    return survives_roulette();
-  }
+  bool scatter_in_medium(float t, Vec3 p);
 
   // --- surfaces ------------------------------------------------------------------------------------------
 
@@ -461,27 +316,7 @@ class PathKernel {
 
   /// Next-event estimation: one light, chosen by power.
   template <typename Evaluate>
-  void sample_light(Vec3 reference, Evaluate&& evaluate) {
-    const auto choice = world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform());
-    if (!choice) return;
-    Stream random = stream(key_, vertex_, Purpose::kLightSample);
-    const Vec2 u = random.uniform2();
-    const auto light = world_.lights.sample(choice->light, reference, u, random.uniform());
-    if (!light || is_black(light->radiance)) return;
-    Scattered scattered;
-    evaluate(light->wi, scattered);
-    if (is_black(scattered.value)) return;
-    float distance = light->distance;
-    if (!aim(*light, reference, scattered.shadow, distance)) return;
-    Stream tracking = stream(key_, vertex_, Purpose::kTransmittance);
-    const Rgb transmittance =
-        shadow(scattered.shadow, distance, scattered.medium, {light->shape, light->primitive}, tracking).transmittance;
-    if (is_black(transmittance)) return;
-    const float light_pdf = choice->pmf * light->pdf;
-    const float mis =
-        with_mis() ? power_heuristic(light_pdf, light->delta ? 0 : scattered.pdf, equiangular_odds(choice->light) * light->pdf) : 1;
-    add(scattered.value * light->radiance * transmittance * (mis / light_pdf));
-  }
+  void sample_light(Vec3 reference, Evaluate&& evaluate);
 
   /// Points a shadow ray that starts beside the reference point at the light sample; false where they coincide.
   static bool aim(const LightSample& light, Vec3 reference, Ray& ray, float& distance) {
@@ -496,58 +331,13 @@ class PathKernel {
 
   /// A point of an emitting grid, its bricks chosen by power: ∫ f T σa Le dω dt over the points of the medium.
   template <typename Evaluate>
-  void sample_emission(Vec3 reference, Evaluate&& evaluate) {
-    if (world_.emissive_media.empty()) return;
-    Stream random = stream(key_, vertex_, Purpose::kEmission);
-    const Vec2 u = random.uniform2();
-    const int chosen = world_.choose_emissive(random.uniform());
-    const Medium& medium = world_.media[chosen];
-    const float u_z = random.uniform();
-    const auto brick = medium.emission_bricks()->sample({u.x, u.y, u_z}, random.uniform_double());
-    Vec3 to = brick.p - reference;
-    float distance = glm::length(to);
-    if (!(distance > 0)) return;
-    ++count_.medium_lookups;
-    ++count_.emission_lookups;
-    const Rgb emission = medium.at(brick.p).emission;
-    if (is_black(emission)) return;
-    Scattered scattered;
-    evaluate(to / distance, scattered);
-    if (is_black(scattered.value)) return;
-    const float density = world_.emissive_pmf(chosen) * brick.pdf * distance * distance;
-    to = brick.p - scattered.shadow.o;
-    distance = glm::length(to);
-    if (!(distance > 0)) return;
-    scattered.shadow.d = to / distance;
-    const Shadow found = shadow(scattered.shadow, distance, scattered.medium, {}, random);
-    if (found.medium != chosen || is_black(found.transmittance)) return;
-    const float mis = power_heuristic(density, scattered.pdf * typical_rate(medium));
-    add(scattered.value * emission * found.transmittance * (mis / density));
-  }
+  void sample_emission(Vec3 reference, Evaluate&& evaluate);
 
   bool with_mis() const { return settings_.features.has(Feature::kMis); }
 
-  void add_emission(const Hit& hit, const SurfacePoint& s, int light) {
-    const EmitterHit emitter{s.p, s.ng, s.uv, hit.primitive};
-    const Rgb radiance = world_.lights.emitted(light, emitter, -ray_.d);
-    if (is_black(radiance)) return;
-    float mis = 1;
-    if (uses(kLightSampling) && direction_pdf_ > 0) {
-      const float light_pdf = world_.lights.pdf(light, reference_, emitter, ray_.d), sampled = world_.lights.pmf(light) * light_pdf;
-      mis = with_mis() ? power_heuristic(direction_pdf_, sampled, equiangular_odds(light) * light_pdf) : sampled > 0 ? 0 : 1;
-    }
-    add(radiance * mis);
-  }
+  void add_emission(const Hit& hit, const SurfacePoint& s, int light);
 
-  void add_environment() {
-    if (!world_.lights.has_environment()) return;
-    float mis = 1;
-    if (uses(kLightSampling) && direction_pdf_ > 0) {
-      const float sampled = world_.lights.environment_pdf(ray_.d);
-      mis = with_mis() ? power_heuristic(direction_pdf_, sampled) : sampled > 0 ? 0 : 1;
-    }
-    add(world_.lights.environment(ray_.d) * mis);
-  }
+  void add_environment();
 
   // --- equiangular distances -----------------------------------------------------------------------------
 
@@ -567,32 +357,7 @@ class PathKernel {
   /// to the light. The same light is found by free flight and light sampling, and by free flight and chance; the three are
   /// weighted by the power heuristic in the measure dt dω. Weights know σt of homogeneous media and its mean in others,
   /// never an estimate of the transmittance.
-  void sample_equiangular(const Medium& medium, float t_max) {
-    const double u_distance = equiangular_.uniform_double();
-    const auto choice = world_.lights.choose_bounded(equiangular_.uniform());
-    if (!choice) return;
-    const Vec3 position = world_.lights.position(choice->light);
-    if (!is_near(medium, ray_.o, position)) return;
-    const EquiangularDistances distances(ray_, position, t_max);
-    const float t = distances.sample(u_distance), pdf = distances.pdf(t);
-    const Vec3 p = ray_.at(t);
-    const Vec2 u = equiangular_.uniform2();
-    const auto light = world_.lights.sample(choice->light, p, u, equiangular_.uniform());
-    if (!(pdf > 0) || !(t < t_max) || !light || is_black(light->radiance)) return;
-    const MediumPoint m = medium.at(p);
-    const PhaseMix phase = medium.phase_at(p);
-    const Vec3 wo = -ray_.d;
-    Ray ray{p, light->wi, ray_.time};
-    float distance = light->distance;
-    if (is_black(m.sigma_s) || !aim(*light, p, ray, distance)) return;
-    const Rgb to_light = shadow(ray, distance, medium_, {light->shape, light->primitive}, equiangular_).transmittance;
-    if (is_black(to_light)) return;
-    const Rgb to_point = estimate_transmittance(medium, ray_, t, equiangular_, count_, ways_);
-    const float density = pdf * choice->pmf * light->pdf, flown = flight_density(medium, shares(), t);
-    const float mis = power_heuristic(density, flown * world_.lights.pmf(choice->light) * light->pdf,
-                                      light->delta ? 0 : flown * phase.pdf(wo, light->wi));
-    add(m.sigma_s * phase.eval(wo, light->wi) * light->radiance * to_point * to_light * (mis / density));
-  }
+  void sample_equiangular(const Medium& medium, float t_max);
 
   /// A light farther away than this many mean free paths is found by free flight.
   static bool is_near(const Medium& medium, Vec3 from, Vec3 position) {
@@ -600,28 +365,11 @@ class PathKernel {
   }
 
   /// The density of the distance t by free flight, per render unit; in heterogeneous media that of their mean.
-  float flight_density(const Medium& medium, Rgb share, float t) const {
-    const auto density = [&](double sigma) { return sigma * std::exp(-sigma * static_cast<double>(t)); };
-    double sum = 0;
-    if (!medium.is_homogeneous() || !is_chromatic(medium)) {
-      sum = density(medium.is_homogeneous() ? static_cast<double>(medium.homogeneous().sigma_t.x) : medium.mean_sigma_t());
-    } else {
-      for (int c = 0; c < 3; ++c) sum += static_cast<double>(share[c]) * density(static_cast<double>(medium.homogeneous().sigma_t[c]));
-    }
-    return std::max(static_cast<float>(sum), 1e-30f);
-  }
+  float flight_density(const Medium& medium, Rgb share, float t) const;
 
   /// How much likelier than by free flight the last vertex, if it lies in a medium, is reached by equiangular sampling
   /// towards this light, its choice included.
-  float equiangular_odds(int light) const {
-    if (!uses(kEquiangular) || !last_flight_) return 0;
-    const Flight& flight = *last_flight_;
-    const float pmf = world_.lights.bounded_pmf(light);
-    const Medium& medium = world_.media[flight.medium];
-    const Vec3 position = world_.lights.position(light);
-    if (!(pmf > 0) || !is_near(medium, flight.ray.o, position)) return 0;
-    return pmf * EquiangularDistances(flight.ray, position, flight.t_max).pdf(flight.t) / flight_density(medium, flight.share, flight.t);
-  }
+  float equiangular_odds(int light) const;
 
   // --- bookkeeping ---------------------------------------------------------------------------------------
 
@@ -689,12 +437,5 @@ class PathKernel {
   bool ended_ = false;
   bool stopped_ = false;
 };
-
-/// One path by the kernel of `kMask`.
-template <uint32_t kMask>
-PathResult run_kernel(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
-  ++count.paths;
-  return PathKernel<kMask>(world, settings, active_effects(world, settings), ray, key, count).run();
-}
 
 }  // namespace woodcock

@@ -1,0 +1,137 @@
+// Light for the path loop: sampled, met by chance, and scattered once on the way.
+#pragma once
+
+#include "renderer/transport/path_kernel.h"
+
+namespace woodcock {
+
+template <uint32_t kMask>
+template <typename Evaluate>
+void PathKernel<kMask>::sample_light(Vec3 reference, Evaluate&& evaluate) {
+  const auto choice = world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform());
+  if (!choice) return;
+  Stream random = stream(key_, vertex_, Purpose::kLightSample);
+  const Vec2 u = random.uniform2();
+  const auto light = world_.lights.sample(choice->light, reference, u, random.uniform());
+  if (!light || is_black(light->radiance)) return;
+  Scattered scattered;
+  evaluate(light->wi, scattered);
+  if (is_black(scattered.value)) return;
+  float distance = light->distance;
+  if (!aim(*light, reference, scattered.shadow, distance)) return;
+  Stream tracking = stream(key_, vertex_, Purpose::kTransmittance);
+  const Rgb transmittance = shadow(scattered.shadow, distance, scattered.medium, {light->shape, light->primitive}, tracking).transmittance;
+  if (is_black(transmittance)) return;
+  const float light_pdf = choice->pmf * light->pdf;
+  const float mis =
+      with_mis() ? power_heuristic(light_pdf, light->delta ? 0 : scattered.pdf, equiangular_odds(choice->light) * light->pdf) : 1;
+  add(scattered.value * light->radiance * transmittance * (mis / light_pdf));
+}
+
+template <uint32_t kMask>
+template <typename Evaluate>
+void PathKernel<kMask>::sample_emission(Vec3 reference, Evaluate&& evaluate) {
+  if (world_.emissive_media.empty()) return;
+  Stream random = stream(key_, vertex_, Purpose::kEmission);
+  const Vec2 u = random.uniform2();
+  const int chosen = world_.choose_emissive(random.uniform());
+  const Medium& medium = world_.media[chosen];
+  const float u_z = random.uniform();
+  const auto brick = medium.emission_bricks()->sample({u.x, u.y, u_z}, random.uniform_double());
+  Vec3 to = brick.p - reference;
+  float distance = glm::length(to);
+  if (!(distance > 0)) return;
+  ++count_.medium_lookups;
+  ++count_.emission_lookups;
+  const Rgb emission = medium.at(brick.p).emission;
+  if (is_black(emission)) return;
+  Scattered scattered;
+  evaluate(to / distance, scattered);
+  if (is_black(scattered.value)) return;
+  const float density = world_.emissive_pmf(chosen) * brick.pdf * distance * distance;
+  to = brick.p - scattered.shadow.o;
+  distance = glm::length(to);
+  if (!(distance > 0)) return;
+  scattered.shadow.d = to / distance;
+  const Shadow found = shadow(scattered.shadow, distance, scattered.medium, {}, random);
+  if (found.medium != chosen || is_black(found.transmittance)) return;
+  const float mis = power_heuristic(density, scattered.pdf * typical_rate(medium));
+  add(scattered.value * emission * found.transmittance * (mis / density));
+}
+
+template <uint32_t kMask>
+void PathKernel<kMask>::add_emission(const Hit& hit, const SurfacePoint& s, int light) {
+  const EmitterHit emitter{s.p, s.ng, s.uv, hit.primitive};
+  const Rgb radiance = world_.lights.emitted(light, emitter, -ray_.d);
+  if (is_black(radiance)) return;
+  float mis = 1;
+  if (uses(kLightSampling) && direction_pdf_ > 0) {
+    const float light_pdf = world_.lights.pdf(light, reference_, emitter, ray_.d), sampled = world_.lights.pmf(light) * light_pdf;
+    mis = with_mis() ? power_heuristic(direction_pdf_, sampled, equiangular_odds(light) * light_pdf) : sampled > 0 ? 0 : 1;
+  }
+  add(radiance * mis);
+}
+
+template <uint32_t kMask>
+void PathKernel<kMask>::add_environment() {
+  if (!world_.lights.has_environment()) return;
+  float mis = 1;
+  if (uses(kLightSampling) && direction_pdf_ > 0) {
+    const float sampled = world_.lights.environment_pdf(ray_.d);
+    mis = with_mis() ? power_heuristic(direction_pdf_, sampled) : sampled > 0 ? 0 : 1;
+  }
+  add(world_.lights.environment(ray_.d) * mis);
+}
+
+template <uint32_t kMask>
+void PathKernel<kMask>::sample_equiangular(const Medium& medium, float t_max) {
+  const double u_distance = equiangular_.uniform_double();
+  const auto choice = world_.lights.choose_bounded(equiangular_.uniform());
+  if (!choice) return;
+  const Vec3 position = world_.lights.position(choice->light);
+  if (!is_near(medium, ray_.o, position)) return;
+  const EquiangularDistances distances(ray_, position, t_max);
+  const float t = distances.sample(u_distance), pdf = distances.pdf(t);
+  const Vec3 p = ray_.at(t);
+  const Vec2 u = equiangular_.uniform2();
+  const auto light = world_.lights.sample(choice->light, p, u, equiangular_.uniform());
+  if (!(pdf > 0) || !(t < t_max) || !light || is_black(light->radiance)) return;
+  const MediumPoint m = medium.at(p);
+  const PhaseMix phase = medium.phase_at(p);
+  const Vec3 wo = -ray_.d;
+  Ray ray{p, light->wi, ray_.time};
+  float distance = light->distance;
+  if (is_black(m.sigma_s) || !aim(*light, p, ray, distance)) return;
+  const Rgb to_light = shadow(ray, distance, medium_, {light->shape, light->primitive}, equiangular_).transmittance;
+  if (is_black(to_light)) return;
+  const Rgb to_point = estimate_transmittance(medium, ray_, t, equiangular_, count_, ways_);
+  const float density = pdf * choice->pmf * light->pdf, flown = flight_density(medium, shares(), t);
+  const float mis =
+      power_heuristic(density, flown * world_.lights.pmf(choice->light) * light->pdf, light->delta ? 0 : flown * phase.pdf(wo, light->wi));
+  add(m.sigma_s * phase.eval(wo, light->wi) * light->radiance * to_point * to_light * (mis / density));
+}
+
+template <uint32_t kMask>
+float PathKernel<kMask>::flight_density(const Medium& medium, Rgb share, float t) const {
+  const auto density = [&](double sigma) { return sigma * std::exp(-sigma * static_cast<double>(t)); };
+  double sum = 0;
+  if (!medium.is_homogeneous() || !is_chromatic(medium)) {
+    sum = density(medium.is_homogeneous() ? static_cast<double>(medium.homogeneous().sigma_t.x) : medium.mean_sigma_t());
+  } else {
+    for (int c = 0; c < 3; ++c) sum += static_cast<double>(share[c]) * density(static_cast<double>(medium.homogeneous().sigma_t[c]));
+  }
+  return std::max(static_cast<float>(sum), 1e-30f);
+}
+
+template <uint32_t kMask>
+float PathKernel<kMask>::equiangular_odds(int light) const {
+  if (!uses(kEquiangular) || !last_flight_) return 0;
+  const Flight& flight = *last_flight_;
+  const float pmf = world_.lights.bounded_pmf(light);
+  const Medium& medium = world_.media[flight.medium];
+  const Vec3 position = world_.lights.position(light);
+  if (!(pmf > 0) || !is_near(medium, flight.ray.o, position)) return 0;
+  return pmf * EquiangularDistances(flight.ray, position, flight.t_max).pdf(flight.t) / flight_density(medium, flight.share, flight.t);
+}
+
+}  // namespace woodcock

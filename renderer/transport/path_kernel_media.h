@@ -1,0 +1,172 @@
+// The path loop in media: free flight, tracking, scattering.
+#pragma once
+
+#include "renderer/transport/path_kernel.h"
+
+namespace woodcock {
+
+/// j (1 − exp(−σ t))/σ per channel: what a segment of length t emits towards its start; j t where nothing dims it.
+inline Rgb segment_emission(Rgb j, Rgb sigma, float t) {
+  Rgb result{0};
+  for (int c = 0; c < 3; ++c) {
+    const double sigma_c = sigma[c], t_c = t, j_c = j[c];
+    if (j[c] > 0) result[c] = static_cast<float>(sigma[c] > 0 ? -std::expm1(-sigma_c * t_c) * (j_c / sigma_c) : j_c * t_c);
+  }
+  return result;
+}
+
+template <uint32_t kMask>
+std::optional<float> PathKernel<kMask>::fly_homogeneous(const Medium& medium, float t_max) {
+  const MediumPoint& m = medium.homogeneous();
+  if (uses(kVolumeEmission) && medium.emits()) add(segment_emission(m.emission, m.sigma_t, t_max));
+  if (!uses(kVolumeScattering) || !medium.scatters() || !may_scatter()) {
+    beta_ *= attenuation(m.sigma_t, t_max);
+    ended_ = is_black(beta_);
+    return std::nullopt;
+  }
+  if (!is_chromatic(medium)) {
+    const float t = flight_.exponential() / m.sigma_t.x;
+    if (t >= t_max) return std::nullopt;
+    beta_ *= m.sigma_s / m.sigma_t.x;
+    return t;
+  }
+  const Rgb share = shares();
+  const int hero = choose_channel(share);
+  const float hero_sigma = m.sigma_t[hero];
+  const float t = hero_sigma > 0 ? flight_.exponential() / hero_sigma : kInf;
+  const bool through = t >= t_max;
+  // Transmittances relative to the hero's: exp(−(σt − σt_hero) t), formed in the exponent so that the ratio of two
+  // numbers too small for a float is right.
+  Rgb relative{1};
+  for (int c = 0; c < 3; ++c) {
+    if (m.sigma_t[c] != hero_sigma) relative[c] = std::exp((hero_sigma - m.sigma_t[c]) * std::min(t, t_max));
+  }
+  const Rgb value = through ? relative : relative * m.sigma_s, density = through ? relative : relative * m.sigma_t;
+  const float mixture = glm::dot(share, density);
+  beta_ *= mixture > 0 ? value / mixture : Rgb(0);
+  ended_ = is_black(beta_);
+  if (through) return std::nullopt;
+  return t;
+}
+
+template <uint32_t kMask>
+std::optional<float> PathKernel<kMask>::track(const Medium& medium, float t_max) {
+  const bool scatters = uses(kVolumeScattering) && medium.scatters() && may_scatter();
+  const bool emits = uses(kVolumeEmission) && medium.emits();
+  if (!scatters && !emits) {
+    beta_ *= estimate_transmittance(medium, ray_, t_max, flight_, count_, ways_);
+    ended_ = is_black(beta_);
+    return std::nullopt;
+  }
+  if (!std::isfinite(t_max) && medium.is_homogeneous()) {
+    // Sources without extinction all the way to infinity.
+    ++count_.truncated;
+    ended_ = true;
+    return std::nullopt;
+  }
+  if (!emits && ways_.grey && medium.is_achromatic()) return track_achromatic(medium, t_max);
+  TentativeCollisions collisions(medium, ray_, t_max, flight_, ways_.bricks, emits ? emission_rate(medium, t_max) : 0);
+  while (collisions.next()) {
+    ++count_.medium_lookups;
+    const float majorant = collisions.majorant(), inverse = 1 / majorant;
+    const Vec3 p = ray_.at(collisions.t());
+    const MediumPoint m = medium.at(p);
+    if (emits) {
+      ++count_.emission_lookups;
+      add_volume_emission(medium, m.emission * inverse, p);
+    }
+    Rgb sigma_n = Rgb(majorant) - m.sigma_t;
+    for (int c = 0; c < 3; ++c) sigma_n[c] = checked_null(sigma_n[c], majorant);
+    const Rgb sigma_s = scatters ? m.sigma_s : Rgb(0);
+    const float sum = glm::dot(beta_, sigma_s + sigma_n);
+    if (!(sum > 0)) {
+      // Every channel that still carries light is absorbed here.
+      ended_ = true;
+      return std::nullopt;
+    }
+    const float q = glm::dot(beta_, sigma_s) / sum;
+    const bool real = scatters && flight_.uniform() < q;
+    beta_ *= (real ? sigma_s : sigma_n) * (inverse / (real ? q : 1 - q));
+    if (real) return collisions.t();
+  }
+  return std::nullopt;
+}
+
+template <uint32_t kMask>
+std::optional<float> PathKernel<kMask>::track_achromatic(const Medium& medium, float t_max) {
+  const float unit_t = medium.unit().sigma_t.x, unit_s = medium.unit().sigma_s.x;
+  TentativeCollisions collisions(medium, ray_, t_max, flight_, ways_.bricks);
+  while (collisions.next()) {
+    const float majorant = collisions.majorant();
+    if (ways_.residual && unit_s <= unit_t && collisions.in_constant_brick()) {
+      beta_ *= unit_s / unit_t;
+      return collisions.t();
+    }
+    ++count_.medium_lookups;
+    const float density = medium.density(ray_.at(collisions.t()));
+    const float sigma_s = unit_s * density, sigma_n = checked_null(majorant - unit_t * density, majorant), sum = sigma_s + sigma_n;
+    if (!(sum > 0)) {
+      ended_ = true;
+      return std::nullopt;
+    }
+    beta_ *= sum / majorant;
+    if (flight_.uniform() * sum < sigma_s) return collisions.t();
+  }
+  return std::nullopt;
+}
+
+template <uint32_t kMask>
+void PathKernel<kMask>::add_volume_emission(const Medium& medium, Rgb radiance, Vec3 p) {
+  if (is_black(radiance)) return;
+  float mis = 1;
+  if (uses(kEmissionSampling) && direction_pdf_ > 0 && medium.emission_bricks() != nullptr) {
+    const float sampled = world_.emissive_pmf(medium_) * medium.emission_bricks()->pdf(p) * length_squared(p - reference_);
+    mis = power_heuristic(direction_pdf_ * typical_rate(medium), sampled);
+  }
+  add(radiance * mis);
+}
+
+template <uint32_t kMask>
+Vec3 PathKernel<kMask>::before_boundary(float t, const Hit& hit) const {
+  const Vec3 p = ray_.at(t);
+  constexpr double kNear = 1e-3;  // farther away rounding matters only to rays that graze at less than 1e-4
+  if (hit.t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit.t)) return p;
+  const SurfacePoint s = world_.geometry.surface(hit, ray_);
+  const Vec3 towards_us = glm::dot(ray_.d, s.ng) < 0 ? s.ng : -s.ng;
+  if (uses(kTouching) && may_coincide(world_.surfaces[static_cast<size_t>(hit.shape)], s.p))
+    return Junction(world_, ray_, hit).origin(p, -ray_.d);
+  if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
+  return offset_origin(s, -ray_.d);
+}
+
+template <uint32_t kMask>
+bool PathKernel<kMask>::scatter_in_medium(float t, Vec3 p) {
+  const Medium& medium = world_.media[medium_];
+  travelled_ += t;
+  if (uses(kEquiangular)) {
+    last_flight_.reset();
+    if (vertex_ < kEquiangularVertices) {
+      last_flight_ = this_flight_;
+      last_flight_->t = t;
+    }
+  }
+  if (!first_seen_) see_first(albedo(medium, p), Vec3(0));
+  next_vertex();
+  const PhaseMix phase = medium.phase_at(p);
+  const Vec3 wo = -ray_.d;
+
+  sample_lights(p, [&](Vec3 wi, Scattered& scattered) {
+    scattered = {phase.eval(wo, wi), phase.pdf(wo, wi), {p, wi, ray_.time}, medium_};
+  });
+
+  Stream direction = stream(key_, vertex_, Purpose::kDirection);
+  const Vec2 u = direction.uniform2();
+  const auto sample = phase.sample(wo, u, direction.uniform());
+  ray_ = {p, sample.wi, ray_.time};
+  beta_ *= sample.weight;
+  direction_pdf_ = sample.pdf;
+  after_scattering(p);
+  return survives_roulette();
+}
+
+}  // namespace woodcock
