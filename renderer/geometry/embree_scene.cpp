@@ -33,7 +33,7 @@ struct Candidate {
   }
 };
 
-/// Whether Embree's own distances of a triangle say that it is met at 0 < t < limit: their error along the normal is a
+/// Whether Embree's own distances of a triangle or parallelogram say that it is met at 0 < t < limit: their error along the normal is a
 /// few units in the last place of the largest coordinate. Instances are another space, where that is not known.
 bool is_certain(const Query& query, const RTCFilterFunctionNArguments* args, double limit) {
   if (RTCHitN_instID(args->hit, 1, 0, 0) != RTC_INVALID_GEOMETRY_ID) return false;
@@ -41,6 +41,44 @@ bool is_certain(const Query& query, const RTCFilterFunctionNArguments* args, dou
   const float t = RTCRayN_tfar(args->ray, 1, 0) - static_cast<float>(query.lead), across = std::abs(glm::dot(n, Vec3(query.d)));
   const float least = std::min(t, static_cast<float>(limit) - t) * across;
   return least > 0 && least * least > query.near * query.near * length_squared(n);
+}
+
+template <typename Index>
+RTCGeometry new_geometry(RTCGeometryType type, RTCFormat format, const std::vector<Vec3>& positions, const std::vector<Index>& indices) {
+  RTCGeometry g = rtcNewGeometry(embree_device(), type);
+  auto* p = static_cast<Vec3*>(
+      rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3), std::max<size_t>(1, positions.size())));
+  auto* i = static_cast<Index*>(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, format, sizeof(Index), indices.size()));
+  if (p == nullptr || i == nullptr) {
+    rtcReleaseGeometry(g);
+    check_device("storing a mesh");
+    throw std::runtime_error("Embree refused a mesh");
+  }
+  std::copy(positions.begin(), positions.end(), p);
+  std::copy(indices.begin(), indices.end(), i);
+  return g;
+}
+
+bool is_empty(const Shape& shape) {
+  const auto* mesh = std::get_if<Mesh>(&shape.geometry);
+  const auto* patches = std::get_if<PatchMesh>(&shape.geometry);
+  return (mesh != nullptr && mesh->triangles.empty()) || (patches != nullptr && patches->patches.empty());
+}
+
+/// Whether all of a shape can be left to Embree's own quadrilaterals.
+bool are_parallelograms(const Shape& shape) {
+  const auto* patches = std::get_if<PatchMesh>(&shape.geometry);
+  if (patches == nullptr) return false;
+  for (uint32_t i = 0; i < patches->patches.size(); ++i)
+    if (!is_parallelogram(Geometry::Impl::corners(*patches, i))) return false;
+  return true;
+}
+
+/// Parallelograms, whose corners Embree wants in the order of the circumference.
+RTCGeometry new_quads(const PatchMesh& patches) {
+  auto quads = patches.patches;
+  for (auto& quad : quads) std::swap(quad[2], quad[3]);
+  return new_geometry(RTC_GEOMETRY_TYPE_QUAD, RTC_FORMAT_UINT4, patches.positions, quads);
 }
 
 }  // namespace
@@ -57,19 +95,10 @@ RTCDevice embree_device() {
 
 RTCGeometry Geometry::Impl::make_geometry(int shape) {
   const Shape& s = shapes[shape];
-  if (const auto* mesh = std::get_if<Mesh>(&s.geometry)) {
-    RTCGeometry g = rtcNewGeometry(embree_device(), RTC_GEOMETRY_TYPE_TRIANGLE);
-    auto* positions = static_cast<Vec3*>(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3),
-                                                                 std::max<size_t>(1, mesh->positions.size())));
-    auto* triangles = static_cast<std::array<uint32_t, 3>*>(
-        rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, sizeof(uint32_t) * 3, mesh->triangles.size()));
-    if (positions == nullptr || triangles == nullptr) {
-      rtcReleaseGeometry(g);
-      check_device("storing a mesh");
-      throw std::runtime_error("Embree refused a mesh");
-    }
-    std::copy(mesh->positions.begin(), mesh->positions.end(), positions);
-    std::copy(mesh->triangles.begin(), mesh->triangles.end(), triangles);
+  const auto* mesh = std::get_if<Mesh>(&s.geometry);
+  if (mesh != nullptr || parallelograms[shape]) {
+    RTCGeometry g = mesh != nullptr ? new_geometry(RTC_GEOMETRY_TYPE_TRIANGLE, RTC_FORMAT_UINT3, mesh->positions, mesh->triangles)
+                                    : new_quads(std::get<PatchMesh>(s.geometry));
     users[shape] = {this, shape};
     rtcSetGeometryUserData(g, &users[shape]);
     if (lead > 0) {
@@ -160,7 +189,7 @@ RTCScene Geometry::Impl::make_scene(int first, int count) {
   RTCScene s = rtcNewScene(embree_device());
   rtcSetSceneFlags(s, RTC_SCENE_FLAG_ROBUST);
   for (int i = 0; i < count; ++i) {
-    if (const auto* mesh = std::get_if<Mesh>(&shapes[first + i].geometry); mesh != nullptr && mesh->triangles.empty()) continue;
+    if (is_empty(shapes[first + i])) continue;
     RTCGeometry g = make_geometry(first + i);
     rtcAttachGeometryByID(s, g, static_cast<unsigned>(i));
     rtcReleaseGeometry(g);
@@ -177,6 +206,7 @@ Geometry::Geometry(std::vector<Shape> shapes, int top_level, std::vector<Object>
   impl_->users.resize(impl_->shapes.size());
   for (const Instance& i : impl_->instances) impl_->object_from_render.push_back(glm::inverse(i.render_from_object));
 
+  for (const Shape& shape : impl_->shapes) impl_->parallelograms.push_back(are_parallelograms(shape));
   for (const PlacedShape& placed : placed_shapes()) {
     if (placed.bounds.empty()) continue;
     impl_->bounds.add(placed.bounds.lower);

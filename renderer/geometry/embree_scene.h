@@ -35,9 +35,10 @@ struct Geometry::Impl {
   std::vector<DMat4> object_from_render;  ///< per instance
   std::vector<RTCScene> object_scenes;
   RTCScene scene = nullptr;
-  Box3 bounds;         ///< of everything, in render space
-  double largest = 0;  ///< absolute coordinate of the bounds
-  double lead = 0;     ///< Embree's rays start this far before ours
+  Box3 bounds;                       ///< of everything, in render space
+  std::vector<char> parallelograms;  ///< per shape: patches, all of them parallelograms
+  double largest = 0;                ///< absolute coordinate of the bounds
+  double lead = 0;                   ///< Embree's rays start this far before ours
 
   /// What Embree's callbacks get for one geometry.
   struct ShapeUser {
@@ -66,13 +67,17 @@ struct Geometry::Impl {
     d = transform_vector(object_from_render[instance], d);
   }
 
-  /// The exact hit, o and d in the space of the shape. Triangles are taken to be hit and are not clipped to
+  /// The exact hit, o and d in the space of the shape. Triangles and parallelograms are taken to be hit and are not clipped to
   /// t_min < t < t_max; of patches and quadrics it is the nearest hit there.
   std::optional<PrimitiveHit> intersect_primitive(int shape, uint32_t primitive, DVec3 o, DVec3 d, double t_min, double t_max) const {
     const auto& geometry = shapes[shape].geometry;
     if (const auto* mesh = std::get_if<Mesh>(&geometry)) {
       const auto& t = mesh->triangles[primitive];
       return intersect_triangle_plane(mesh->positions[t[0]], mesh->positions[t[1]], mesh->positions[t[2]], o, d);
+    }
+    if (const auto* patches = std::get_if<PatchMesh>(&geometry); patches != nullptr && parallelograms[shape]) {
+      const auto& p = patches->patches[primitive];
+      return intersect_triangle_plane(patches->positions[p[0]], patches->positions[p[1]], patches->positions[p[2]], o, d);
     }
     if (const auto* patches = std::get_if<PatchMesh>(&geometry)) return intersect_patch(corners(*patches, primitive), o, d, t_min, t_max);
     const auto& q = std::get<Quadric>(geometry);
@@ -82,16 +87,25 @@ struct Geometry::Impl {
     return PrimitiveHit{*t, {0, 0}};
   }
 
-  /// Embree decided that a triangle is hit; rounding must not put the point outside of it, least of all by the large
+  /// Embree decided that a triangle or parallelogram is hit; rounding must not put the point outside of it, least of all by the large
   /// distances along which a ray and a plane that it grazes cannot be told apart. o and d in the space of the shape.
   void keep_inside(Hit& hit, DVec3 o, DVec3 d) const {
     const auto* mesh = std::get_if<Mesh>(&shapes[hit.shape].geometry);
-    if (mesh == nullptr || (hit.uv.x >= 0 && hit.uv.y >= 0 && hit.uv.x + hit.uv.y <= 1)) return;
-    hit.uv.x = std::clamp(hit.uv.x, 0.0, 1.0);
-    hit.uv.y = std::clamp(hit.uv.y, 0.0, 1.0 - hit.uv.x);
-    const auto& t = mesh->triangles[hit.primitive];
-    const DVec3 p0 = mesh->positions[t[0]], e1 = DVec3(mesh->positions[t[1]]) - p0, e2 = DVec3(mesh->positions[t[2]]) - p0;
-    hit.t = glm::dot(p0 + hit.uv.x * e1 + hit.uv.y * e2 - o, d) / glm::dot(d, d);
+    if (mesh == nullptr && !parallelograms[hit.shape]) return;
+    const DVec2 before = hit.uv;
+    hit.uv.x = std::clamp(before.x, 0.0, 1.0);
+    hit.uv.y = std::clamp(before.y, 0.0, mesh != nullptr ? 1.0 - hit.uv.x : 1.0);
+    if (hit.uv == before) return;
+    DVec3 p;
+    if (mesh != nullptr) {
+      const auto& t = mesh->triangles[hit.primitive];
+      const DVec3 p0 = mesh->positions[t[0]];
+      p = p0 + hit.uv.x * (DVec3(mesh->positions[t[1]]) - p0) + hit.uv.y * (DVec3(mesh->positions[t[2]]) - p0);
+    } else {
+      const auto c = corners(std::get<PatchMesh>(shapes[hit.shape].geometry), hit.primitive);
+      p = c[0] + hit.uv.x * (c[1] - c[0]) + hit.uv.y * (c[2] - c[0]);
+    }
+    hit.t = glm::dot(p - o, d) / glm::dot(d, d);
   }
 
   static std::array<DVec3, 4> corners(const PatchMesh& m, uint32_t primitive) {

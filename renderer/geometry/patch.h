@@ -25,6 +25,9 @@ inline std::optional<PrimitiveHit> intersect_triangle_plane(DVec3 p0, DVec3 p1, 
   return PrimitiveHit{glm::dot(e2, q) / det, {glm::dot(s, p) / det, glm::dot(d, q) / det}};
 }
 
+/// Whether the patch is a parallelogram to the last bit: then (u,v) are affine coordinates of its plane.
+inline bool is_parallelogram(const std::array<DVec3, 4>& p) { return p[1] - p[0] == p[3] - p[2] && p[2] - p[0] == p[3] - p[1]; }
+
 /// The nearest hit with t in (t_min, t_max) of the patch with corners (u,v) = 00, 10, 01, 11
 /// (Reshetov 2019, "Cool Patches").
 std::optional<PrimitiveHit> intersect_patch(const std::array<DVec3, 4>& p, DVec3 o, DVec3 d, double t_min, double t_max);

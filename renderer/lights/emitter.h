@@ -53,7 +53,8 @@ class MeshEmitter {
   std::vector<std::array<uint32_t, 4>> patches_;  // one of the two is empty
   bool flip_;
   std::vector<double> areas_;
-  std::vector<char> flat_;  // per patch: two triangles stand for it
+  std::vector<char> flat_;          // per patch: two triangles stand for it
+  std::vector<double> first_half_;  // per flat patch: the first one's share of its area, else 0
   DiscreteDistribution choice_;
 };
 

@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "renderer/geometry/patch.h"
 #include "renderer/lights/emitter.h"
 #include "renderer/lights/patch_geometry.h"
 #include "renderer/lights/triangle_sampling.h"
@@ -35,7 +36,9 @@ MeshEmitter::MeshEmitter(const Shape& shape, bool equal_weights) : flip_(shape.f
   for (size_t i = 0; i < patches_.size(); ++i) {
     const PatchCorners c = patch(i);
     flat_.push_back(is_flat_and_convex(c));
-    areas_.push_back(is_flat(i) ? triangle_area(half(c, 0)) + triangle_area(half(c, 1)) : patch_area(c));
+    const double first = triangle_area(half(c, 0));
+    areas_.push_back(is_flat(i) ? first + triangle_area(half(c, 1)) : patch_area(c));
+    first_half_.push_back(is_flat(i) ? first / areas_[i] : 0);
   }
   std::vector<double> weights;
   for (double& area : areas_) {
@@ -83,13 +86,18 @@ std::optional<EmitterSample> MeshEmitter::sample(DVec3 ref, DVec2 u, double u_pr
     const PatchCorners corner = patch(i);
     DVec2 uv = u;
     if (is_flat(i)) {
-      const double first = triangle_area(half(corner, 0)) / areas_[i];
+      const double first = first_half_[i];
       const int which = choice.remainder < first ? 0 : 1;
       const std::array<DVec3, 3> c = half(corner, which);
       const auto point = sample_triangle(c, ref, u);
       if (!point) return std::nullopt;
       sample.p = interpolate(c, point->barycentric);
-      uv = invert_patch(corner, sample.p);
+      const DVec2 b = point->barycentric;
+      if (is_parallelogram(corner)) {
+        uv = which == 0 ? DVec2(b.x + b.y, b.y) : DVec2(b.x, b.x + b.y);
+      } else {
+        uv = invert_patch(corner, sample.p);
+      }
       pdf *= (which == 0 ? first : 1 - first) * point->pdf;
     } else {
       sample.p = patch_point(corner, u);
@@ -127,7 +135,7 @@ double MeshEmitter::pdf(DVec3 ref, const EmitterHit& hit, DVec3 /*wi*/) const {
       // Which side of the diagonal the point lies on says which triangle it was sampled from.
       const DVec3 normal = patch_normal(corner, {0.5, 0.5});
       const int which = glm::dot(glm::cross(corner[3] - corner[0], p - corner[0]), normal) < 0 ? 0 : 1;
-      const double first = triangle_area(half(corner, 0)) / areas_[i];
+      const double first = first_half_[i];
       pdf = (which == 0 ? first : 1 - first) * triangle_pdf(half(corner, which), ref, p);
     } else {
       pdf = patch_uv_pdf(corner, invert_patch(corner, p), ref, p);

@@ -17,6 +17,9 @@ double mitchell(double x, double b, double c) {
   return 0;
 }
 
+/// Parts of [0, 1) for which the place in the table is known beforehand.
+constexpr int kGuides = 4096;
+
 /// sin(πx) / (πx)
 double sinc(double x) {
   const double t = std::numbers::pi * x;
@@ -68,6 +71,8 @@ PixelFilter::Axis PixelFilter::tabulate(const FilterDescription& filter, double 
     axis.cdf.push_back(total);
   }
   for (double& c : axis.cdf) c /= total;
+  for (int k = 0; k <= kGuides; ++k)
+    axis.guide.push_back(std::upper_bound(axis.cdf.begin() + 1, axis.cdf.end() - 1, static_cast<double>(k) / kGuides) - axis.cdf.begin());
   // A filter without negative lobes sums the same numbers in the same order, so that the ratio is exactly 1.
   axis.weight = static_cast<float>(total / signed_total);
   return axis;
@@ -77,7 +82,9 @@ double PixelFilter::sample_axis(const Axis& axis, double u, float& weight) const
   if (kind_ == FilterDescription::Kind::kBox) return axis.radius * (2 * u - 1);
   if (kind_ == FilterDescription::Kind::kTriangle) return axis.radius * (u < 0.5 ? std::sqrt(2 * u) - 1 : 1 - std::sqrt(2 * (1 - u)));
 
-  const auto upper = std::upper_bound(axis.cdf.begin() + 1, axis.cdf.end() - 1, u);
+  // The guides bound what a search of the whole table would find.
+  const auto guide = axis.guide.begin() + static_cast<ptrdiff_t>(u * kGuides);
+  const auto upper = std::upper_bound(axis.cdf.begin() + guide[0], axis.cdf.begin() + guide[1], u);
   const size_t i = static_cast<size_t>(upper - axis.cdf.begin()) - 1;
   const double t = std::clamp((u - axis.cdf[i]) / (axis.cdf[i + 1] - axis.cdf[i]), 0.0, 1.0);
   const double a = std::abs(axis.value[i]), b = std::abs(axis.value[i + 1]);

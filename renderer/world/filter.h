@@ -25,10 +25,11 @@ class PixelFilter {
   /// One axis: f on equidistant nodes over [-radius, radius], linear in between.
   struct Axis {
     double radius = 0.5;
-    std::vector<double> value;  // f at the nodes, zero crossings moved onto a node; empty for box and triangle
-    std::vector<double> node;   // their positions
-    std::vector<double> cdf;    // of |f|, normalised; cdf[i] belongs to node[i]
-    float weight = 1;           // ∫|f| / ∫f
+    std::vector<double> value;     // f at the nodes, zero crossings moved onto a node; empty for box and triangle
+    std::vector<double> node;      // their positions
+    std::vector<double> cdf;       // of |f|, normalised; cdf[i] belongs to node[i]
+    std::vector<ptrdiff_t> guide;  // the first cdf above k/4096
+    float weight = 1;              // ∫|f| / ∫f
   };
   static Axis tabulate(const FilterDescription& filter, double radius);
   double sample_axis(const Axis& axis, double u, float& weight) const;
