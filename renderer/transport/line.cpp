@@ -72,18 +72,15 @@ class Line {
     const Medium& medium = sample_.world.media[w.medium];
     const float z = hit ? static_cast<float>(hit->t) : kInf;
     const bool scatters = medium.scatters() && sample_.may_scatter(w);
-    if (diverges(medium, z, w, scatters)) return sample_.diverge();
+    const std::optional<EndlessPart> endless = endless_part(medium, w.ray, z);
+    if (endless && diverges(*endless, w, scatters)) return sample_.diverge();
     if (!medium.attenuates() && !medium.emits() && !scatters) return Flight::kThrough;
     const double added = added_extinction(medium, scatters);
     const int h = ray.channel, n = ray.targets.left();
     const Rgb beta = w.beta;
-    if (medium.is_homogeneous() && z == kInf && medium.homogeneous().sigma_t[h] == 0 && added == 0) {
-      // A march in this channel would not end. What is left at infinity is the channels without extinction.
-      const Rgb through(glm::equal(medium.homogeneous().sigma_t, Rgb(0)));
-      w.beta *= through / static_cast<float>(glm::dot(ray.share, DVec3(through)));
-      return Flight::kThrough;
-    }
-    RaySteps steps(sample_, medium, w.ray, z, sample_.settings.paper.step, w.flight.uniform());
+    // Where this channel is not dimmed for ever its depth grows no more, and at infinity other channels that are not remain, too.
+    const bool grows = !endless || endless->point.sigma_t[h] > 0 || added > 0;
+    RaySteps steps(sample_, medium, w.ray, grows ? z : static_cast<float>(endless->from), sample_.settings.paper.step, w.flight.uniform());
     double marched = 0;  // ∫ κ from the segment's start in channel h, κ = σt + added
     while (steps.next()) {
       const double kappa = static_cast<double>(steps.point().sigma_t[h]) + added;
@@ -109,7 +106,8 @@ class Line {
     }
     if (sample_.stopped) return Flight::kOver;
     // (n − inside)/n L₀, by the mixture of the channels' probabilities to get through.
-    const Rgb relative = relative_transmittance(steps.end_depth(), h);
+    Rgb relative = relative_transmittance(steps.end_depth(), h);
+    if (!grows) relative *= Rgb(glm::equal(endless->point.sigma_t, Rgb(0)));
     const DVec3 density = ray.share * DVec3(relative);
     const double mixture = density.x + density.y + density.z, left = static_cast<double>(ray.targets.left()) / n;
     ray.share = density / mixture;

@@ -42,22 +42,24 @@ class Marching {
     const Medium& medium = sample_.world.media[w.medium];
     const float z = hit ? static_cast<float>(hit->t) : kInf;
     const bool scatters = medium.scatters() && sample_.may_scatter(w);
-    if (diverges(medium, z, w, scatters)) return sample_.diverge();
+    const std::optional<EndlessPart> endless = endless_part(medium, w.ray, z);
+    if (endless && diverges(*endless, w, scatters)) return sample_.diverge();
     if (!medium.attenuates() && !medium.emits() && !scatters) return Flight::kThrough;
     // The channels that end a march by dying out: on an endless segment only those with extinction do.
     Rgb fading(1);
-    if (medium.is_homogeneous() && z == kInf) fading = glm::vec3(glm::greaterThan(medium.homogeneous().sigma_t, Rgb(0)));
-    if (is_black(fading * w.beta)) return Flight::kThrough;
+    if (endless) fading = Rgb(glm::greaterThan(endless->point.sigma_t, Rgb(0)));
+    const float reach = endless && is_black(fading * w.beta) ? static_cast<float>(endless->from) : z;
 
-    RaySteps steps(sample_, medium, w.ray, z, sample_.settings.paper.step, w.flight.uniform());
+    RaySteps steps(sample_, medium, w.ray, reach, sample_.settings.paper.step, w.flight.uniform());
     Choice choice;
     std::optional<float> chosen_t;
     Rgb chosen(0);
     float boost = 1;  // 1/probability that the march came here
     bool lost = false;
     while (steps.next()) {
-      if (static_cast<double>(boost) * static_cast<double>(max_component(fading * transmittance_of(steps.begin_depth()))) <
-          kRouletteThreshold) {
+      const bool may_end = !endless || steps.begin() >= endless->from;
+      if (may_end && static_cast<double>(boost) * static_cast<double>(max_component(fading * transmittance_of(steps.begin_depth()))) <
+                         kRouletteThreshold) {
         lost = !(w.flight.uniform() < kRouletteSurvival);
         if (lost) break;
         boost /= kRouletteSurvival;
@@ -79,7 +81,7 @@ class Marching {
     }
     if (sample_.stopped) return Flight::kOver;
     // T(z); where the march was lost, of the channels that nothing dims.
-    const Rgb through = lost ? Rgb(1) - fading : transmittance_of(steps.end_depth()) * boost;
+    const Rgb through = transmittance_of(steps.end_depth()) * (lost ? Rgb(1) - fading : Rgb(boost));
     if (choice.offer(glm::dot(w.beta, through), w.flight))
       chosen_t.reset();
     else if (!chosen_t)

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "renderer/core/warp.h"
+#include "renderer/media/extent.h"
 
 namespace woodcock {
 namespace {
@@ -127,9 +128,26 @@ Vec3 point_before(const World& world, const Ray& ray, float t, const std::option
   return offset_origin(s, -ray.d);
 }
 
-bool diverges(const Medium& medium, float t_max, const Walk& w, bool scatters) {
-  if (std::isfinite(t_max) || !medium.is_homogeneous()) return false;
-  const MediumPoint& m = medium.homogeneous();
+std::optional<EndlessPart> endless_part(const Medium& medium, const Ray& ray, float t_max) {
+  if (std::isfinite(t_max)) return std::nullopt;
+  if (medium.is_homogeneous()) return EndlessPart{0, medium.homogeneous()};
+  EndlessPart endless{0, {}};
+  bool any = false;
+  for (const auto& part : medium.parts()) {
+    if (!part->is_homogeneous()) {
+      endless.from = std::max(endless.from, extent_of(*part, ray, t_max).end);
+      continue;
+    }
+    any = true;
+    endless.point.sigma_t += part->homogeneous().sigma_t;
+    endless.point.sigma_s += part->homogeneous().sigma_s;
+    endless.point.emission += part->homogeneous().emission;
+  }
+  return any ? std::optional(endless) : std::nullopt;
+}
+
+bool diverges(const EndlessPart& endless, const Walk& w, bool scatters) {
+  const MediumPoint& m = endless.point;
   for (int c = 0; c < 3; ++c)
     if (w.beta[c] > 0 && m.sigma_t[c] == 0 && (m.emission[c] > 0 || (scatters && m.sigma_s[c] > 0))) return true;
   return false;

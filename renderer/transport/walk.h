@@ -89,8 +89,15 @@ using ScatterFunction = bool (*)(WalkSample&, Walk&, const Medium&, Vec3);
 /// next to a boundary on it or beyond, and a walk that went on from there would take the medium to be endless.
 Vec3 point_before(const World& world, const Ray& ray, float t, const std::optional<Hit>& hit);
 
-/// Whether the sources of an endless segment add up to no finite number: in some channel there is a source and no extinction.
-bool diverges(const Medium& medium, float t_max, const Walk& w, bool scatters);
+/// What a segment without end leads into: the coefficients there, and the distance from which on they hold.
+struct EndlessPart {
+  double from;
+  MediumPoint point;
+};
+/// Nothing where the segment has an end, or the medium on it has.
+std::optional<EndlessPart> endless_part(const Medium& medium, const Ray& ray, float t_max);
+/// Whether its sources add up to no finite number: in some channel there is a source and no extinction.
+bool diverges(const EndlessPart& endless, const Walk& w, bool scatters);
 
 /// A surface or a boundary. Adds what it emits; a boundary or a missed alpha leads on; a specular surface passes the walk
 /// on; any other sends `branching` walks (if the walk is at its first event, else one) into directions uniform on the

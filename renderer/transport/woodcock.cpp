@@ -14,12 +14,23 @@ Rgb null_extinction(float majorant, Rgb sigma_t, PathCounters& count) {
   return glm::max(sigma_n, Rgb(0));
 }
 
+/// In an endless part some channels may be dimmed for ever and others not at all, and tracking both would never end: the weight
+/// of the first would only shrink. One of the two groups is kept, chosen by its share of the throughput.
+void keep_one_group(Walk& w, const EndlessPart& endless) {
+  const Rgb fading(glm::greaterThan(endless.point.sigma_t, Rgb(0)));
+  const float dimmed = glm::dot(w.beta, fading), all = w.beta.r + w.beta.g + w.beta.b;
+  if (!(dimmed > 0 && dimmed < all)) return;
+  const float share = dimmed / all;
+  w.beta *= w.flight.uniform() < share ? fading / share : (Rgb(1) - fading) / (1 - share);
+}
+
 /// A collision that stops the ray, or nothing where it gets through.
 Flight fly(WalkSample& sample, Walk& w, const std::optional<Hit>& hit, ScatterFunction scatter) {
   const Medium& medium = sample.world.media[w.medium];
   const float z = hit ? static_cast<float>(hit->t) : kInf;
   const bool scatters = medium.scatters() && sample.may_scatter(w);
-  if (diverges(medium, z, w, scatters)) return sample.diverge();
+  const std::optional<EndlessPart> endless = endless_part(medium, w.ray, z);
+  if (endless && diverges(*endless, w, scatters)) return sample.diverge();
   const float majorant = medium.maximum_sigma_t();
   if (!(majorant > 0)) return Flight::kThrough;
   const Extent extent = extent_of(medium, w.ray, z);
@@ -29,13 +40,14 @@ Flight fly(WalkSample& sample, Walk& w, const std::optional<Hit>& hit, ScatterFu
     const auto s = static_cast<float>(t);
     const MediumPoint m = sample.look_up(medium, w.ray.at(s));
     if (sample.stopped) return Flight::kOver;
+    if (endless && t >= endless->from) keep_one_group(w, *endless);
     const Rgb sigma_s = scatters ? m.sigma_s : Rgb(0), kappa = glm::max(m.sigma_t, sigma_s);
     const Rgb sigma_n = null_extinction(majorant, m.sigma_t, sample.count);
     const float real = glm::dot(w.beta, kappa), all = glm::dot(w.beta, kappa + sigma_n);
     if (!(all > 0)) return Flight::kOver;
     if (!(real > 0)) {
       // Nothing dims the ray here. Emission without extinction is gathered at every tentative collision.
-      if (medium.is_homogeneous() && is_black(m.emission)) return Flight::kThrough;
+      if ((medium.is_homogeneous() || (endless && t >= endless->from)) && is_black(m.emission)) return Flight::kThrough;
       sample.add(w, m.emission / majorant);
       w.beta *= sigma_n / majorant;
       continue;

@@ -138,6 +138,33 @@ TEST(PaperEstimators, CrossBoundariesAndGlass) {
   }
 }
 
+// Media that add up, with an end and without one. In what has no end some channels are dimmed for ever and others not at all
+// (N57): by quadrature, with no scattering but the first.
+TEST(PaperEstimators, CrossSumsOfMedia) {
+  const std::string parts = homogeneous("a", {0.2f, 0.1f, 0}, {0.3f, 0.1f, 0}) + constant_grid("b", {0, 0.2f, 0.1f}, {0, 0.3f, 0.6f}, 0.7);
+  const std::string media = parts + "MakeNamedMedium \"s\" \"string type\" \"sum\" \"string media\" [ \"a\" \"b\" ]\n";
+  const std::string sky = "WorldBegin\n" + environment({1, 0.5f, 0.25f});
+  const std::string ball = perspective({0, 0, 3}, {0, 0, 0}, 20, 40) + sky + media + boundary("s", "", sphere(1));
+  const Estimate exact = estimate(ball, 40000, 16);
+  for (const EstimatorChoice& choice : that_scatter())
+    expect_equal(estimate(with_estimator(compile(ball), choice), samples_for(choice, 24000), 17), exact, 0.06, choice.name);
+
+  // Without an end, seen with no scattering: the light behind, through the grid in blue, through what has no end in the others. It
+  // reaches one and a half voxels of 1.4 beyond the middle on either side and fades in the last half: 3 · 1.4 long in all.
+  const std::string endless = media + "MediumInterface \"\" \"s\"\n" + perspective({0, 0, 3}, {0, 0, 0}, 0.1, 0) + sky;
+  const CompiledScene scene = compile(endless);
+  const Ray ray = camera_sample(*scene.world, path_key(1, 4, 4, 0), 4, 4).ray;
+  double depth = 0;
+  constexpr int kPoints = 20000;
+  const double length = 6 * scene.world->space.scale;
+  for (int i = 0; i < kPoints; ++i)
+    depth += static_cast<double>(
+                 scene.world->media[scene.world->camera_medium].sigma_t(ray.at(static_cast<float>((i + 0.5) / kPoints * length))).b) *
+             length / kPoints;
+  for (const EstimatorChoice& choice : paper_estimators())
+    expect_value(estimate(with_estimator(compile(endless), choice), 20000, 18), {0, 0, 0.25 * std::exp(-depth)}, 0.05, choice.name);
+}
+
 // Uniform directions reach every lobe of every material: the same light as by light and material sampling.
 TEST(PaperEstimators, SeeEveryMaterial) {
   const std::string sky = perspective({0, 0, 4}, {0, 0, 0}, 25, 3) + "WorldBegin\n" + environment({1, 0.8f, 0.6f});
