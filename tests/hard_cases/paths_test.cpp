@@ -529,6 +529,23 @@ TEST(HardCases, N58_nothing_is_left_in_the_residual_of_a_parallel_view) {
   EXPECT_NEAR(mean_variance / p.total_variance, 1, 0.02);
 }
 
+// A boundary close before a lamp, behind it or on it neither hides nor leaks its light, be the gap one that survives the rounding
+// to render space or not; the floor shows a L sin²θ.
+TEST(HardCases, N61_a_boundary_next_to_a_lamp_changes_nothing_at_any_gap) {
+  const double expected = 0.8 * 3 / 2;
+  const std::string disk = lamp("Translate 0 1 0\nRotate 90 1 0 0\nShape \"disk\" \"float radius\" 1\n");
+  for (const double gap : {0.0, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 0.1, -1e-9, -1e-6, -1e-3})
+    for (const bool lamp_first : {true, false}) {
+      const std::string plane = fmt::format(
+          "AttributeBegin\nMaterial \"interface\"\nMediumInterface \"\" \"\"\nShape \"trianglemesh\" \"point3 P\" [ -30 {0:.12g} -30  30 "
+          "{0:.12g} "
+          "-30  30 {0:.12g} 30  -30 {0:.12g} 30 ] \"integer indices\" [ 0 1 2  0 2 3 ]\nAttributeEnd\n",
+          1 - gap);
+      expect_value(estimate(floor_below(0.8, 1) + (lamp_first ? disk + plane : plane + disk), 20000, 1), expected, 0.01,
+                   fmt::format("gap {}", gap));
+    }
+}
+
 // A floor of 10⁴ mean free paths with a layer of fog 0.01 above it, cut into two triangles or into many: the same picture.
 TEST(HardCases, N63_the_picture_does_not_depend_on_how_a_large_plane_is_cut) {
   const auto scene = [](int cells) {

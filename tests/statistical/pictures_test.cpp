@@ -2,7 +2,7 @@
 // route (pictures/README.md). A z-test with the level corrected for the number of comparisons (Šidák 1967), as in Mitsuba's
 // test_renders.
 //
-// Pixels are compared in blocks of 4 × 4, whose means of thousands of samples are near enough to normal where single pixels
+// Pixels are compared in blocks whose means of more than ten thousand samples are near enough to normal where single pixels
 // with rare bright samples are not, and as a whole. Of the stored picture it is the deviation that is used for both, since it
 // is the better known one. False alarms: 1e-4 a scene. Power: a bias of four standard errors of a block, or of the picture's
 // mean, is found more often than not; the test prints what that is.
@@ -20,7 +20,7 @@ namespace woodcock {
 namespace {
 
 constexpr double kFalseAlarmRate = 1e-4;
-constexpr int kBlock = 4;
+constexpr int kBlock = WOODCOCK_PICTURE_SAMPLES < 4096 ? 8 : 4;
 
 /// Mean and its standard error, channel by channel.
 struct Known {

@@ -68,19 +68,6 @@ TEST(Strategies, ALampWithTheMaterialInterfaceDoesNotShine) {
   EXPECT_EQ(e.mean[0], 0);
 }
 
-// A boundary close before or behind a lamp neither hides nor leaks its light (N61). Gaps below the rounding of
-// positions, about 1e-7 here, are another matter: there one of the two is jumped over.
-TEST(Boundaries, NextToALampChangeNothing) {
-  const double expected = 0.8 * 3 / 2;
-  for (const double gap : {1e-6, 1e-5, 1e-4, 1e-3, 0.1, -1e-6, -1e-3}) {
-    const std::string plane = fmt::format(
-        "AttributeBegin\nMaterial \"interface\"\nMediumInterface \"\" \"\"\nShape \"trianglemesh\" \"point3 P\" [ -30 {0} -30  30 {0} "
-        "-30  30 {0} 30  -30 {0} 30 ] \"integer indices\" [ 0 1 2  0 2 3 ]\nAttributeEnd\n",
-        1 - gap);
-    expect_value(estimate(floor_below(0.8, 1) + plane + lamp(ceiling(1, 1)), 20000, 1), expected, 0.01, fmt::format("gap {}", gap));
-  }
-}
-
 // Coincident boundaries neither crash nor hang, and no path is cut off.
 TEST(Boundaries, CoincidentOnesEndEveryPath) {
   const std::string media = homogeneous("m", Rgb(0.5f), Rgb(0.5f)) + homogeneous("n", Rgb(0.1f), Rgb(2));

@@ -1,5 +1,5 @@
-// Surfaces that coincide: boundaries on boundaries, lamps and glass on boundaries, shared faces, edges and vertices (hard
-// cases N12, N16, N28, N61, N62). Media absorb only wherever a ray's radiance is then known for that very ray.
+// Surfaces that coincide: boundaries on boundaries, lamps and glass on boundaries, shared faces, edges and vertices. Media absorb only
+// wherever a ray's radiance is then known for that very ray.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -189,25 +189,25 @@ void expect_transmittance(std::vector<Box> boxes, const std::string& what) {
   }
 }
 
-TEST(Coincident, BoundariesOfEqualBoxesAreBothCrossed) {
+TEST(HardCases, N62_boundaries_of_equal_boxes_are_both_crossed) {
   expect_transmittance({{DVec3(-1), DVec3(1), "m", ""}, {DVec3(-1), DVec3(1), "n", "m"}}, "nested equal boxes");
   expect_transmittance({{DVec3(-1), DVec3(1), "m", ""}, {DVec3(-1), DVec3(1), "m", ""}}, "the same box twice");
 }
 
-TEST(Coincident, BoxesSideBySideShareAFace) {
+TEST(HardCases, N62_boxes_side_by_side_share_a_face) {
   expect_transmittance({{{-1, -1, -1}, {0.1, 1, 1}, "m", ""}, {{0.1, -1, -1}, {1, 1, 1}, "n", ""}}, "equal faces");
   expect_transmittance({{{-1, -1, -1}, {0.1, 1, 1}, "m", ""}, {{0.1, -0.6, -0.3}, {1, 0.4, 0.7}, "n", ""}}, "a smaller face");
   expect_transmittance({{{-1, -1, -1}, {0.1, 1, 1}, "m", ""}, {{0.1, -1, -1}, {1, 1, 1}, "m", ""}}, "one medium");
 }
 
-TEST(Coincident, NestedBoxesShareFaces) {
+TEST(HardCases, N62_nested_boxes_share_faces) {
   expect_transmittance({{DVec3(-1), DVec3(1), "m", ""}, {{-0.5, -0.6, -0.4}, {0.7, 0.5, 1}, "n", "m"}}, "one face");
   expect_transmittance({{DVec3(-1), DVec3(1), "m", ""}, {{0, 0.1, -0.3}, {1, 1, 1}, "n", "m"}}, "three faces");
   expect_transmittance({{DVec3(-1), DVec3(1), "m", ""}, {{-1, -1, 0.2}, {1, 1, 1}, "n", "m"}, {{-1, -1, 0.2}, {0.3, 1, 1}, "o", "n"}},
                        "three deep");
 }
 
-TEST(Coincident, EightBoxesMeetInAVertex) {
+TEST(HardCases, N28_eight_boxes_meet_in_a_vertex) {
   std::vector<Box> boxes;
   for (int i = 0; i < 8; ++i) {
     const DVec3 corner((i & 1) != 0 ? 1 : -0.9, (i & 2) != 0 ? 0.8 : -1, (i & 4) != 0 ? 1 : -0.7);
@@ -216,7 +216,7 @@ TEST(Coincident, EightBoxesMeetInAVertex) {
   expect_transmittance(boxes, "eight boxes");
 }
 
-TEST(Coincident, BoxesOfOneShapeShareAFace) {
+TEST(HardCases, N62_boxes_of_one_shape_share_a_face) {
   for (const Cut cut : kCuts) {
     for (const bool tilt : {false, true}) {
       const glm::dmat3 r = tilt ? tilted() : glm::dmat3(1);
@@ -226,7 +226,7 @@ TEST(Coincident, BoxesOfOneShapeShareAFace) {
   }
 }
 
-TEST(Coincident, InstancesShareFaces) {
+TEST(HardCases, N62_instances_share_faces) {
   for (const Cut cut : kCuts) {
     const std::vector<Box> boxes{{{-1, -1, -1}, {0.1, 1, 1}, "m", "", cut}, {{0.1, -1, -1}, {1, 1, 1}, "n", "", cut}};
     // The first is scaled and moved from a unit box, the second mirrored.
@@ -239,7 +239,7 @@ TEST(Coincident, InstancesShareFaces) {
   }
 }
 
-TEST(Coincident, SpheresOfEqualRadiusAreBothCrossed) {
+TEST(HardCases, N62_spheres_of_equal_radius_are_both_crossed) {
   const std::string outer = boundary("m", "", sphere(1)),
                     inner = boundary("n", "m", "Rotate 40 1 2 3\nShape \"sphere\" \"float radius\" 1\n");
   for (const bool reverse : {false, true}) {
@@ -256,7 +256,7 @@ TEST(Coincident, SpheresOfEqualRadiusAreBothCrossed) {
 }
 
 // A lamp behind a box of fog, its light coming through the box's far side: in front of it by `gap`, behind it, or on it.
-TEST(Coincident, ALampOnAnInterfaceIsSeenThroughTheMedium) {
+TEST(HardCases, N61_a_lamp_on_an_interface_is_seen_through_the_medium) {
   const double sigma = kSigma.at("m");
   for (const bool tilt : {false, true}) {
     const glm::dmat3 r = tilt ? tilted() : glm::dmat3(1);
@@ -298,7 +298,7 @@ TEST(Coincident, ALampOnAnInterfaceIsSeenThroughTheMedium) {
 
 // The walls of a room shine with radiance one, the room is full of fog that only scatters, and the fog's boundary lies on
 // the walls: every ray carries one, found by phase function and by light sampling alike.
-TEST(Coincident, LampsOnABoundaryAreAFurnace) {
+TEST(HardCases, N61_lamps_on_a_boundary_are_a_furnace) {
   const std::string fog = homogeneous("fog", Rgb(0), Rgb(1.5f), 0.3);
   for (const double gap : {0.0, 1e-9, -1e-7, 1e-7, 1e-6, -1e-6, 1e-4}) {
     for (const bool tilt : {false, true}) {
@@ -319,8 +319,8 @@ TEST(Coincident, LampsOnABoundaryAreAFurnace) {
   }
 }
 
-// N12: scatterings within a few units in the last place of a tilted face; a path that overlooks the face never comes back.
-TEST(Coincident, DenseBoxesWithACommonFaceAreAFurnace) {
+// Scatterings within a few units in the last place of a tilted face; a path that overlooks the face never comes back.
+TEST(HardCases, N12_dense_boxes_with_a_common_face_are_a_furnace) {
   const std::string dense = homogeneous("fog", Rgb(0), Rgb(3000)) + homogeneous("mist", Rgb(0), Rgb(300), 0.5);
   const glm::dmat3 r = tilted();
   for (const bool reverse : {false, true}) {
@@ -332,7 +332,7 @@ TEST(Coincident, DenseBoxesWithACommonFaceAreAFurnace) {
   }
 }
 
-TEST(Coincident, AnInterfaceOnAGlassFaceEqualsGlassWithAMedium) {
+TEST(HardCases, N62_an_interface_on_a_glass_face_equals_glass_with_a_medium) {
   // Lit from one side, so that a medium that is lost or kept too long shows.
   const std::string start = perspective({0.5, 1, 4}, {0, 0, 0}, 35, 100) + "WorldBegin\nLightSource \"infinite\" \"rgb L\" [ .2 .2 .2 ]\n" +
                             "AttributeBegin\nAreaLightSource \"diffuse\" \"rgb L\" [ 4 4 4 ]\n" + sphere(1, {-3, 2, -1}) +
@@ -351,7 +351,7 @@ TEST(Coincident, AnInterfaceOnAGlassFaceEqualsGlassWithAMedium) {
   }
 }
 
-TEST(Coincident, EqualGlassBlocksThatTouchAreOne) {
+TEST(HardCases, N16_equal_glass_blocks_that_touch_are_one) {
   // From inside one block, through the face that both share, to a lamp in the other: nothing is reflected on the way.
   for (const bool tilt : {false, true}) {
     const glm::dmat3 r = tilt ? tilted() : glm::dmat3(1);
