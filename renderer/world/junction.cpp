@@ -64,8 +64,10 @@ int Junction::next(Vec3 w, int medium) const {
   return best != nullptr ? static_cast<int>(best - members_.data()) : kNone;
 }
 
-std::optional<int> Junction::medium_before() const {
-  const auto counts = [&](const Member& m) { return info(m).is_boundary && !info(m).is_absent() && !m.repeats; };
+std::optional<int> Junction::medium_before(bool from_outside) const {
+  const auto counts = [&](const Member& m) {
+    return info(m).is_boundary && !info(m).is_absent() && !m.repeats && (m.outside || !from_outside);
+  };
   const auto near = [&](const Member& m) { return m.outside ? info(m).outside : info(m).inside; };
   const auto far = [&](const Member& m) { return m.outside ? info(m).inside : info(m).outside; };
   const auto key = [&](const Member& m) {
@@ -83,10 +85,11 @@ std::optional<int> Junction::medium_before() const {
 int Junction::medium_behind(const World& world, const Ray& ray, int crossed) const {
   const auto at_edge = [&](const Member& m) { return m.error.at_edge && info(m).is_boundary; };
   if (std::none_of(members().begin(), members().end(), at_edge)) return crossed;
-  return first_near_side(world.geometry, world.surfaces, ray).value_or(world.medium_around);
+  if (const auto medium = first_near_side(world.geometry, world.surfaces, ray)) return *medium;
+  return world.medium_around.value_or(crossed);
 }
 
-std::optional<int> first_near_side(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Ray ray) {
+std::optional<int> first_near_side(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Ray ray, bool from_outside) {
   for (int crossings = 0; crossings < 1000; ++crossings) {
     const auto hit = geometry.intersect(ray, kInf);
     if (!hit) break;
@@ -94,7 +97,7 @@ std::optional<int> first_near_side(const Geometry& geometry, const std::vector<S
     const SurfaceInfo& info = surfaces[static_cast<size_t>(hit->shape)];
     if (may_coincide(info, s.p)) {
       const Junction junction(geometry, surfaces, ray, *hit);
-      if (const auto medium = junction.medium_before()) return medium;
+      if (const auto medium = junction.medium_before(from_outside)) return medium;
       ray.o = junction.origin(s.p, ray.d);
       continue;
     }

@@ -55,12 +55,13 @@ class Junction {
   Vec3 origin(Vec3 from, Vec3 w) const;
 
   /// The medium of a ray that has left this place with nothing left to cross, `crossed` as its crossings tell. At an edge it
-  /// is the near side of the first boundary ahead; where none is, the medium around the scene.
+  /// is the near side of the first boundary ahead; where none is, the medium around the scene if that is the same everywhere.
   int medium_behind(const World& world, const Ray& ray, int crossed) const;
 
   /// The medium that the boundaries here say the ray comes from: the near side of one whose near side is not the far side
-  /// of another, exits first. Nothing where there is no boundary.
-  std::optional<int> medium_before() const;
+  /// of another, exits first. Nothing where there is no boundary. A ray that comes `from_outside` of everything meets the
+  /// outer sides only: from far away the two faces of a thin sheet are one place.
+  std::optional<int> medium_before(bool from_outside = false) const;
 
   /// Some members found no room.
   bool overflowed() const { return overflowed_; }
@@ -80,7 +81,8 @@ class Junction {
 };
 
 /// The near side of the first boundary that the ray meets, looking through everything else; nothing where there is none.
-std::optional<int> first_near_side(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Ray ray);
+/// `from_outside`: the ray starts outside of all shapes.
+std::optional<int> first_near_side(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Ray ray, bool from_outside = false);
 
 /// Where one dielectric body ends and the next begins there is one boundary, whose index is relative: none at all between
 /// equal bodies. If the member `exit` of the path's place is such an end, on the way along d in `medium`, turns `bsdf`, its

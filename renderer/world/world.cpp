@@ -104,16 +104,20 @@ std::optional<int> majority(const std::array<std::optional<int>, kDirections.siz
   return best;
 }
 
-/// The medium around the scene: what most rays from far away meet first.
+/// The medium around the scene: what rays from far away meet first. Nothing where they do not agree, as with a sheet that has
+/// another medium on either side.
 std::optional<int> find_medium_around(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces) {
   const Box3 box = geometry.bounds();
   if (box.empty()) return std::nullopt;
-  std::array<std::optional<int>, kDirections.size()> votes;
-  for (size_t i = 0; i < kDirections.size(); ++i) {
-    const Vec3 d = glm::normalize(kDirections[i]);
-    votes[i] = first_near_side(geometry, surfaces, {box.center() - d * glm::length(box.extent()), d});
-  }
-  return majority(votes);
+  std::optional<int> around;
+  for (const float sign : {1.0f, -1.0f})
+    for (const Vec3 direction : kDirections) {
+      const Vec3 d = sign * glm::normalize(direction);
+      const auto seen = first_near_side(geometry, surfaces, {box.center() - d * glm::length(box.extent()), d}, true);
+      if (around && seen && *around != *seen) return std::nullopt;
+      if (seen) around = seen;
+    }
+  return around;
 }
 
 }  // namespace
@@ -200,7 +204,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
                                                 PixelFilter(scene.film.filter),
                                                 {},
                                                 kNone,
-                                                kNone,
+                                                std::nullopt,
                                                 false,
                                                 0,
                                                 std::move(notes)});
@@ -225,7 +229,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
   for (const auto& m : scene.media) medium_names.push_back(m.name);
   find_contacts(world->geometry, medium_names, world->surfaces);
 
-  world->medium_around = find_medium_around(world->geometry, world->surfaces).value_or(kNone);
+  world->medium_around = find_medium_around(world->geometry, world->surfaces);
   const std::optional<int> found = find_medium(world->geometry, world->surfaces, world->camera.position());
   world->camera_medium = found.value_or(kNone);
   if (scene.camera.media.given) {

@@ -61,7 +61,7 @@ struct World {
   PixelFilter filter;
   std::vector<SurfaceInfo> surfaces;
   int camera_medium = kNone;
-  int medium_around = kNone;  ///< where rays leave the scene
+  std::optional<int> medium_around;  ///< where rays leave the scene, if that is the same everywhere
   /// Some shadow ray may have to go on behind a surface (interfaces, partial opacity).
   bool has_passable_surfaces = false;
   /// The Effect bits (effects.h) that the scene calls for, by use.
