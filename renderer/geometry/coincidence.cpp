@@ -51,6 +51,8 @@ ErrorBound Geometry::Impl::error_bound(const Hit& hit, DVec3 o, DVec3 d) const {
   return {along * cosine * glm::length(direction) + glm::dot(glm::abs(placed), glm::abs(p)) * 0x1p-23, cosine, at_edge};
 }
 
+bool Geometry::is_at_edge(const Ray& ray, const Hit& hit) const { return impl_->error_bound(hit, ray.o, ray.d).at_edge; }
+
 double Gathering::reach(const ErrorBound& other) const {
   const double cosine = std::max(std::min(other.cosine, at.error.cosine), 1e-3);
   return (kCoincidence * (other.distance + at.error.distance) + kEmbreeError * std::abs(at.hit.t)) / cosine;

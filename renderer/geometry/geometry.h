@@ -64,6 +64,9 @@ class Geometry {
   /// Triangles that share an edge or vertex which the ray meets are all given.
   size_t coincident(const Ray& ray, const Hit& hit, std::span<CoincidentHit> found) const;
 
+  /// Whether the ray met a triangle or patch so near to an edge that its neighbour may be met as well, or instead.
+  bool is_at_edge(const Ray& ray, const Hit& hit) const;
+
   /// Whether anything lies at 0 < t < t_max; on `target` only hits before 0.999 t_max count.
   bool occluded(const Ray& ray, double t_max, TargetPrimitive target) const;
 

@@ -195,7 +195,7 @@ class PathKernel {
   /// Meets the nearest hit, or of those that coincide with it the one that comes first. False ends the path.
   bool arrive(const Hit& hit) {
     const SurfacePoint s = world_.geometry.surface(hit, ray_);
-    if (!uses(kTouching) || !may_coincide(world_.surfaces[static_cast<size_t>(hit.shape)], s.p)) return meet_surface(hit, s, kNone);
+    if (!uses(kTouching) || !may_coincide(world_, ray_, hit, s.p)) return meet_surface(hit, s, kNone);
     here_.emplace(world_, ray_, hit);
     if (here_->overflowed()) {
       ++count_.truncated;

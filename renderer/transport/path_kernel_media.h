@@ -133,8 +133,7 @@ Vec3 PathKernel<kMask>::before_boundary(float t, const Hit& hit) const {
   if (hit.t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit.t)) return p;
   const SurfacePoint s = world_.geometry.surface(hit, ray_);
   const Vec3 towards_us = glm::dot(ray_.d, s.ng) < 0 ? s.ng : -s.ng;
-  if (uses(kTouching) && may_coincide(world_.surfaces[static_cast<size_t>(hit.shape)], s.p))
-    return Junction(world_, ray_, hit).origin(p, -ray_.d);
+  if (uses(kTouching) && may_coincide(world_, ray_, hit, s.p)) return Junction(world_, ray_, hit).origin(p, -ray_.d);
   if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
   return offset_origin(s, -ray_.d);
 }

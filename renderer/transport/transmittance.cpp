@@ -107,7 +107,7 @@ Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, Target
     medium = here.medium_behind(world, ray, medium);
   }
   // Any surface is in the way, unless it lets light pass or may coincide with the lamp.
-  if (!passable_surfaces && (target.shape == kNone || surface_of(world, target.shape).contacts.empty())) {
+  if (!passable_surfaces && (target.shape == kNone || !surface_of(world, target.shape).has_company())) {
     if (world.geometry.occluded(ray, t_max, target)) return {};
     return {through_medium(Rgb(1), t_max), medium};
   }
@@ -119,12 +119,12 @@ Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, Target
     const bool arrives = left - hit->t < kTargetTolerance * static_cast<double>(t_max);
     const auto is_end = [&](const Hit& h) { return arrives && h.shape == target.shape && h.primitive == target.primitive; };
     const SurfaceInfo& info = surface_of(world, hit->shape);
-    if (!info.passes_shadows && info.contacts.empty() && !is_end(*hit)) return {};
+    if (!info.passes_shadows && !info.has_company() && !is_end(*hit)) return {};
     const SurfacePoint s = world.geometry.surface(*hit, ray);
     int behind = medium;
     Vec3 next_origin;
     bool ends = false;
-    if (may_coincide(info, s.p)) {
+    if (may_coincide(world, ray, *hit, s.p)) {
       Junction here(world, ray, *hit);
       if (here.overflowed()) break;
       if (!pass_junction(world, here, ray.d, behind, random, [&](const Hit& h) { return ends = is_end(h); }) && !ends) return {};

@@ -123,7 +123,7 @@ Vec3 point_before(const World& world, const Ray& ray, float t, const std::option
   if (hit->t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit->t)) return p;
   const SurfacePoint s = world.geometry.surface(*hit, ray);
   const Vec3 towards_us = glm::dot(ray.d, s.ng) < 0 ? s.ng : -s.ng;
-  if (may_coincide(world.surfaces[static_cast<size_t>(hit->shape)], s.p)) return Junction(world, ray, *hit).origin(p, -ray.d);
+  if (may_coincide(world, ray, *hit, s.p)) return Junction(world, ray, *hit).origin(p, -ray.d);
   if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
   return offset_origin(s, -ray.d);
 }
@@ -157,7 +157,7 @@ SurfacePoint arrive(WalkSample& sample, Walk& w, const Hit& hit) {
   const World& world = sample.world;
   const SurfacePoint s = world.geometry.surface(hit, w.ray);
   w.travelled += hit.t;
-  if (!may_coincide(world.surfaces[static_cast<size_t>(hit.shape)], s.p)) return s;
+  if (!may_coincide(world, w.ray, hit, s.p)) return s;
   w.here.emplace(world, w.ray, hit);
   w.ray.o = w.here->origin(s.p, w.ray.d);
   if (w.here->overflowed()) {

@@ -28,6 +28,58 @@ void add_contact(SurfaceInfo& surface, const Box3& box) {
   surface.contacts = {all};
 }
 
+using Triangle = std::array<DVec3, 3>;
+
+/// Whether two triangles of one plane, whose unit normal is n, have more in common than edges and vertices, by the
+/// separating axes in the plane. Less than `tolerance` in common is nothing.
+bool overlap(const Triangle& a, const Triangle& b, DVec3 n, double tolerance) {
+  for (const Triangle* t : {&a, &b}) {
+    for (size_t i = 0; i < 3; ++i) {
+      const DVec3 axis = glm::normalize(glm::cross(n, (*t)[(i + 1) % 3] - (*t)[i]));
+      const auto extent = [&](const Triangle& of) {
+        const auto [low, high] = std::minmax({glm::dot(axis, of[0]), glm::dot(axis, of[1]), glm::dot(axis, of[2])});
+        return std::pair(low, high);
+      };
+      const auto [a0, a1] = extent(a);
+      const auto [b0, b1] = extent(b);
+      if (std::min(a1, b1) - std::max(a0, b0) <= tolerance) return false;
+    }
+  }
+  return true;
+}
+
+/// Whether the triangles lie on the surface of one convex body and none on another: then a ray meets two of them at one
+/// place at an edge only. Tried for small meshes, such as the boxes around grids.
+bool is_part_of_a_hull(const Mesh& mesh) {
+  constexpr size_t kMostTriangles = 128;
+  if (mesh.triangles.size() > kMostTriangles) return false;
+  double size = 0;
+  for (const Vec3 p : mesh.positions) size = std::max(size, static_cast<double>(glm::length(p - mesh.positions[0])));
+  const double tolerance = 1e-5 * size;
+  std::vector<Triangle> triangles;
+  std::vector<DVec3> outward;
+  for (const auto& t : mesh.triangles) {
+    triangles.push_back({mesh.positions[t[0]], mesh.positions[t[1]], mesh.positions[t[2]]});
+    const Triangle& c = triangles.back();
+    const DVec3 n = glm::normalize(glm::cross(c[1] - c[0], c[2] - c[0]));
+    double below = 0, above = 0;
+    for (const Vec3 p : mesh.positions) {
+      const double distance = glm::dot(DVec3(p) - c[0], n);
+      below = std::min(below, distance);
+      above = std::max(above, distance);
+    }
+    if (std::min(-below, above) > tolerance) return false;
+    outward.push_back(-below > above ? n : -n);
+    // Flat meshes have no outside: only that none lies on another counts.
+    for (size_t other = 0; other + 1 < triangles.size(); ++other) {
+      const bool one_plane = std::abs(glm::dot(outward[other], outward.back())) > 1 - 1e-9 &&
+                             std::abs(glm::dot(triangles[other][0] - c[0], outward.back())) <= tolerance;
+      if (one_plane && overlap(triangles[other], c, outward.back(), tolerance)) return false;
+    }
+  }
+  return true;
+}
+
 /// Sorts by what the scene says of a surface, not by where it says so.
 void find_stacking(const Geometry& geometry, const std::vector<std::string>& medium_names, std::vector<SurfaceInfo>& surfaces) {
   const auto name = [&](int medium) { return medium == kNone ? std::string() : medium_names[static_cast<size_t>(medium)]; };
@@ -71,7 +123,11 @@ void find_contacts(const Geometry& geometry, const std::vector<std::string>& med
     const PlacedShape& a = placed[i];
     SurfaceInfo& sa = surfaces[static_cast<size_t>(a.shape)];
     const bool is_quadric = std::holds_alternative<Quadric>(geometry.shapes()[static_cast<size_t>(a.shape)].geometry);
-    if (is_passable(sa) && !is_quadric) add_contact(sa, a.bounds);
+    if (is_passable(sa) && !is_quadric) {
+      const auto* mesh = std::get_if<Mesh>(&geometry.shapes()[static_cast<size_t>(a.shape)].geometry);
+      sa.edges_touch = sa.edges_touch || (mesh != nullptr && is_part_of_a_hull(*mesh));
+      if (!sa.edges_touch) add_contact(sa, a.bounds);
+    }
     for (size_t j = i + 1; j < placed.size() && placed[j].bounds.lower.x <= a.bounds.upper.x; ++j) {
       const PlacedShape& b = placed[j];
       SurfaceInfo& sb = surfaces[static_cast<size_t>(b.shape)];

@@ -95,7 +95,7 @@ std::optional<int> first_near_side(const Geometry& geometry, const std::vector<S
     if (!hit) break;
     const SurfacePoint s = geometry.surface(*hit, ray);
     const SurfaceInfo& info = surfaces[static_cast<size_t>(hit->shape)];
-    if (may_coincide(info, s.p)) {
+    if (may_coincide(geometry, info, ray, *hit, s.p)) {
       const Junction junction(geometry, surfaces, ray, *hit);
       if (const auto medium = junction.medium_before(from_outside)) return medium;
       ray.o = junction.origin(s.p, ray.d);

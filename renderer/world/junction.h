@@ -89,12 +89,17 @@ std::optional<int> first_near_side(const Geometry& geometry, const std::vector<S
 /// model, into that boundary and returns the entry that belongs to it; else kNone. `choice` decides mixes.
 int join_dielectrics(const World& world, const Junction& here, int exit, Vec3 d, int medium, Stream& choice, Bsdf& bsdf);
 
-/// Whether what is met at p on this surface may have company, from boxes alone.
-inline bool may_coincide(const SurfaceInfo& surface, Vec3 p) {
+/// Whether what `ray` meets at p may have company: from boxes, and at the edges of a mesh that is convex.
+inline bool may_coincide(const Geometry& geometry, const SurfaceInfo& surface, const Ray& ray, const Hit& hit, Vec3 p) {
+  if (surface.edges_touch && geometry.is_at_edge(ray, hit)) return true;
   for (const Box3& box : surface.contacts) {
     if (glm::all(glm::lessThanEqual(box.lower, p)) && glm::all(glm::lessThanEqual(p, box.upper))) return true;
   }
   return false;
+}
+
+inline bool may_coincide(const World& world, const Ray& ray, const Hit& hit, Vec3 p) {
+  return may_coincide(world.geometry, world.surfaces[static_cast<size_t>(hit.shape)], ray, hit, p);
 }
 
 }  // namespace woodcock

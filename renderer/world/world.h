@@ -35,8 +35,11 @@ struct SurfaceInfo {
   bool is_opaque = true;        ///< the material lets nothing through
   bool passes_shadows = false;  ///< an interface, a mix, or alpha below one: shadow rays may go on
   std::vector<Box3> contacts;   ///< boxes in render space outside of which nothing coincides with this surface
+  bool edges_touch = false;     ///< a mesh with company at its own edges, and nowhere else of its own
   int stacking = 0;             ///< the order of surfaces that nothing else puts in order (junction.h): lights, opaque ones, others
 
+  /// Something may coincide with it somewhere.
+  bool has_company() const { return edges_touch || !contacts.empty(); }
   /// No ray ever meets it.
   bool is_absent() const { return alpha.texture == kNone && alpha.value <= 0; }
 };
