@@ -29,16 +29,17 @@ ErrorBound Geometry::Impl::error_bound(const Hit& hit, DVec3 o, DVec3 d) const {
     edge = std::min(from_edge.x * std::min(glm::length(c[1] - c[0]), glm::length(c[3] - c[2])),
                     from_edge.y * std::min(glm::length(c[2] - c[0]), glm::length(c[3] - c[1])));
   } else {
-    // Given in double, so that only the arithmetic of the intersection counts.
+    // Given in double, so that only the arithmetic counts.
     const auto& q = std::get<Quadric>(geometry);
     const DVec3 p = o + hit.t * d;
     const DVec3 on = transform_point(q.object_from_render, p);
     n = transform_normal(q.object_from_render, outward(q, on));
     edge = edge_distance(q, on) * glm::length(d) / glm::length(transform_vector(q.object_from_render, d));
-    largest_vertex = glm::max(glm::abs(o), glm::abs(p));
-    half_ulp = 0x1p-49;
+    half_ulp = 0;
   }
-  const double distance = glm::dot(glm::abs(n), largest_vertex) * half_ulp / glm::length(n);
+  // The arithmetic in double is off by some units in the last place of the way.
+  const double arithmetic = 0x1p-47 * (glm::length(o) + hit.t * glm::length(d));
+  const double distance = glm::dot(glm::abs(n), largest_vertex) * half_ulp / glm::length(n) + arithmetic;
   const double slant = std::abs(glm::dot(n, d)) / (glm::length(n) * glm::length(d));
   const bool at_edge = edge * slant <= kEmbreeError * hit.t * glm::length(d) + kCoincidence * glm::length(largest_vertex) * half_ulp;
   if (hit.instance < 0) return {distance, slant, at_edge};
@@ -54,8 +55,8 @@ ErrorBound Geometry::Impl::error_bound(const Hit& hit, DVec3 o, DVec3 d) const {
 bool Geometry::is_at_edge(const Ray& ray, const Hit& hit) const { return impl_->error_bound(hit, ray.o, ray.d).at_edge; }
 
 double Gathering::reach(const ErrorBound& other) const {
-  const double cosine = std::max(std::min(other.cosine, at.error.cosine), 1e-3);
-  return (kCoincidence * (other.distance + at.error.distance) + kEmbreeError * std::abs(at.hit.t)) / cosine;
+  // Along the steeper normal: of surfaces that cross at an angle the flatter one's t says little.
+  return kCoincidence * (other.distance + at.error.distance) / std::max({other.cosine, at.error.cosine, 1e-9});
 }
 
 void Gathering::offer(const Query& query, int shape, uint32_t primitive, int instance) {

@@ -18,9 +18,10 @@ namespace woodcock {
 /// One Embree device for the process.
 RTCDevice embree_device();
 
-/// Distances of two surfaces from each other, in units of their error bounds, up to which they count as coincident: more
-/// than a ray's origin is moved away from a surface (see offset_origin), less than what Embree mistakes.
-inline constexpr double kCoincidence = 8;
+/// Distances of two surfaces from each other, in units of their error bounds, up to which they count as coincident: as far as
+/// the origin of a ray may lie from the surface that it leaves (Junction::origin), and no more, since what a medium does between
+/// coincident surfaces is lost.
+inline constexpr double kCoincidence = 4;
 /// Embree misjudges by how much a ray misses an edge by less than this part of the distance: some units in the last place.
 inline constexpr double kEmbreeError = 0x1p-20;
 

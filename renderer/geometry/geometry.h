@@ -58,8 +58,8 @@ class Geometry {
   std::optional<Hit> intersect(const Ray& ray, double t_max) const;
 
   /// All that the ray meets at the place where it met `hit` (a result of intersect), `hit` itself first: every hit whose
-  /// order along the ray is not known for sure, since vertices were rounded to float, since Embree's edges are off by some
-  /// units in the last place, or since a ray that leaves one of the surfaces may start beyond the other. Hits whose exact
+  /// order along the ray is not known for sure, since vertices were rounded to float, or since a ray that leaves one of the
+  /// surfaces may start beyond the other. Hits whose exact
   /// distance is not positive are left out. Returns their number; those for which `found` has no room are counted only.
   /// Triangles that share an edge or vertex which the ray meets are all given.
   size_t coincident(const Ray& ray, const Hit& hit, std::span<CoincidentHit> found) const;

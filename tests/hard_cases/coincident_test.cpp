@@ -319,6 +319,19 @@ TEST(HardCases, N61_lamps_on_a_boundary_are_a_furnace) {
   }
 }
 
+// A film of optical depth one is no surface, however far away it is seen from. Next to the origin of render space, where floats
+// are dense, a millionth of the distance survives.
+TEST(HardCases, N61_a_thin_film_keeps_its_optical_depth) {
+  for (const double thickness : {1e-2, 1e-4, 1e-6}) {
+    const std::string film = box_shape({{-50, -50, -thickness}, {50, 50, 0}, "", ""}, glm::dmat3(1));
+    const CompiledScene scene = compile(perspective({3, 4, 20}, {3, 4, 0}, 30, 5) + "WorldBegin\n" + environment(1) +
+                                        homogeneous("film", Rgb(static_cast<float>(1 / thickness)), Rgb(0)) + boundary("film", "", film));
+    PathCounters counters;
+    for (const DVec2 at : {DVec2(3, 4), DVec2(7, -11), DVec2(-20, 31)})
+      EXPECT_NEAR(radiance(scene, test_ray(scene, {at.x, at.y, 90}, {at.x, at.y, 0}), counters), std::exp(-1), 2e-3) << thickness;
+  }
+}
+
 // Scatterings within a few units in the last place of a tilted face; a path that overlooks the face never comes back.
 TEST(HardCases, N12_dense_boxes_with_a_common_face_are_a_furnace) {
   const std::string dense = homogeneous("fog", Rgb(0), Rgb(3000)) + homogeneous("mist", Rgb(0), Rgb(300), 0.5);
