@@ -45,16 +45,16 @@ by_memory=$(($(awk '/MemAvailable/ {print $2}' /proc/meminfo) / 1500000))
 cmake --build "build/$preset" -j "$jobs" || give_up "the build failed"
 
 report="build/$preset/test-report.xml"
-rm -f "$report" "build/$preset/estimator-table.md"
+rm -rf "$report" "build/$preset"/estimator-table*
 ctest --test-dir "build/$preset" -j 2 --output-on-failure --output-junit test-report.xml "${exclude[@]}"
 ctest_code=$?
 [ -s "$report" ] || give_up "ctest wrote no report"
 
 # Made by the long tests: every reference case by every estimator.
-table="build/$preset/estimator-table.md"
-if [ "${#exclude[@]}" -eq 0 ] && [ -s "$table" ]; then
-  echo "== $table"
-  cat "$table"
+if [ "${#exclude[@]}" -eq 0 ] && [ -d "build/$preset/estimator-table" ]; then
+  cat "build/$preset"/estimator-table/*.md > "build/$preset/estimator-table.md"
+  echo "== build/$preset/estimator-table.md"
+  cat "build/$preset/estimator-table.md"
 fi
 
 count() { grep -o -m 1 "$1=\"[0-9]*\"" "$report" | head -n 1 | tr -dc '0-9'; }
