@@ -1,4 +1,5 @@
-// Density look-ups and brick steps per second: our fields against bare loops and NanoVDB's own cached accessor on the same points.
+// Density look-ups, free flights and brick steps per second: our fields and tracking against bare loops, and NanoVDB's own cached accessor,
+// on the same points.
 #include <benchmark/benchmark.h>
 #include <nanovdb/util/OpenToNanoVDB.h>
 #include <nanovdb/util/SampleFromVoxels.h>
@@ -9,6 +10,7 @@
 #include "renderer/core/random.h"
 #include "renderer/core/warp.h"
 #include "renderer/media/medium.h"
+#include "renderer/transport/tentative_collisions.h"
 
 namespace woodcock {
 namespace {
@@ -46,9 +48,10 @@ SparseGrid sparse_grid() {
   return {buffer, handle.size(), DMat4(1), {box.min().x(), box.min().y(), box.min().z()}, {box.max().x(), box.max().y(), box.max().z()}, 1};
 }
 
-MediumDescription description(FloatVolume volume) {
+MediumDescription description(FloatVolume volume, float sigma_s = 1) {
   GridMediumDescription grid;
   grid.sigma_a = Rgb(0);
+  grid.sigma_s = Rgb(sigma_s);
   grid.density = std::make_shared<const FloatVolume>(std::move(volume));
   MediumDescription d;
   d.kind = std::move(grid);
@@ -123,6 +126,77 @@ void BareDenseReads(benchmark::State& state) {
   state.SetItemsProcessed(static_cast<int64_t>(looked_up));
 }
 BENCHMARK(BareDenseReads)->Unit(benchmark::kMillisecond);
+
+/// The volume with extinction as in a cloud of some ten mean free paths, so that a flight is longer than a voxel.
+const Medium& thin_medium(bool sparse) {
+  static std::vector<std::string> notes;
+  static const Medium dense_medium(description(dense_grid(), 0.1f), DMat4(1), 1, notes);
+  static const Medium sparse_medium(description(sparse_grid(), 0.1f), DMat4(1), 1, notes);
+  return sparse ? sparse_medium : dense_medium;
+}
+
+/// Rays through the volume, for free flights.
+const std::vector<Ray>& flights() {
+  static const std::vector<Ray> result = [] {
+    std::vector<Ray> rays;
+    Stream random(3);
+    for (int i = 0; i < 20000; ++i)
+      rays.push_back({256.0f * Vec3(random.uniform(), random.uniform(), random.uniform()), square_to_sphere(random.uniform2())});
+    return rays;
+  }();
+  return result;
+}
+
+/// Follows each ray to its first true collision, or out of the volume; calls `at` with every tentative collision on the way.
+template <typename At>
+float fly(const Medium& m, At&& at) {
+  Stream random(4);
+  float sum = 0;
+  for (const Ray& ray : flights()) {
+    TentativeCollisions collisions(m, ray, kInf, random);
+    while (collisions.next()) {
+      const Vec3 p = ray.at(collisions.t());
+      at(p);
+      const float sigma_t = m.grey_sigma_t(p);
+      if (random.uniform() * collisions.majorant() < sigma_t) {
+        sum += collisions.t();
+        break;
+      }
+    }
+  }
+  return sum;
+}
+
+/// Look-ups per second of Woodcock tracking with bricks; to be compared with LookUpsOfFreeFlight, which has nothing but the look-ups.
+void FreeFlight(benchmark::State& state) {
+  const Medium& m = thin_medium(state.range(0) != 0);
+  int64_t looked_up = 0;
+  for (auto _ : state) {
+    const float sum = fly(m, [&](Vec3) { ++looked_up; });
+    benchmark::DoNotOptimize(sum);
+  }
+  state.SetItemsProcessed(looked_up);
+  state.counters["per_flight"] =
+      static_cast<double>(looked_up) / static_cast<double>(state.iterations()) / static_cast<double>(flights().size());
+  state.counters["edge"] = m.majorants().edge();
+}
+BENCHMARK(FreeFlight)->ArgName("sparse")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+
+/// A bare loop over the points that these free flights look up, in their order.
+void LookUpsOfFreeFlight(benchmark::State& state) {
+  const Medium& m = thin_medium(state.range(0) != 0);
+  std::vector<Vec3> visited;
+  fly(m, [&](Vec3 p) { visited.push_back(p); });
+  int64_t looked_up = 0;
+  for (auto _ : state) {
+    float sum = 0;
+    for (const Vec3& p : visited) sum += m.grey_sigma_t(p);
+    benchmark::DoNotOptimize(sum);
+    looked_up += static_cast<int64_t>(visited.size());
+  }
+  state.SetItemsProcessed(looked_up);
+}
+BENCHMARK(LookUpsOfFreeFlight)->ArgName("sparse")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
 
 void WalkSegments(benchmark::State& state) {
   const Medium& m = medium(state.range(0) != 0);

@@ -28,4 +28,11 @@ void write_tiles(const std::string& folder);
 /// `colour ramp` (rgbgrid), to be included.
 void write_grids(const std::string& folder);
 
+/// For scenes/paper. soft_sky.exr: equal-area octahedral environment, +z up, smooth enough for directions that do not know where it is
+/// bright.
+void write_soft_sky(const std::string& folder);
+
+/// For scenes/paper. gas.pbrt: the medium `gas`, a uniformgrid of density in [0, 1], to be included.
+void write_gas(const std::string& folder);
+
 }  // namespace woodcock::generate

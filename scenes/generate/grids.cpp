@@ -66,6 +66,22 @@ std::string ramp() {
   return out + "]\n";
 }
 
+std::string gas() {
+  constexpr int kSide = 20;
+  std::string out =
+      "# Written by woodcock_generate_scenes. Fills the box (-1, -1, -1) .. (1, 1, 1) of the current transform.\n"
+      "# A ball of gas in wisps. What it does to light is said before, by Attribute \"medium\" and the coefficients.\n"
+      "MakeNamedMedium \"gas\" \"string type\" \"uniformgrid\" \"integer nx\" 20 \"integer ny\" 20 \"integer nz\" 20\n"
+      "  \"point3 p0\" [ -1 -1 -1 ] \"point3 p1\" [ 1 1 1 ]\n"
+      "  \"float density\" [\n    ";
+  for_each_voxel(kSide, [&](DVec3 p) {
+    const double ball = smoothstep(0.0, 0.35, 0.95 - std::sqrt(glm::dot(p, p)));
+    put(out, ball * smoothstep(-0.05, 0.35, fractal_noise(2.6 * p, 2, 0x6a5)));
+    if (p.x > 0.92) out += "\n    ";
+  });
+  return out + "]\n";
+}
+
 void write_text(const std::string& path, const std::string& text) {
   std::ofstream file(path, std::ios::binary);
   file << text;
@@ -78,5 +94,7 @@ void write_grids(const std::string& folder) {
   write_text(folder + "/grid_swirl.pbrt", swirl());
   write_text(folder + "/grid_ramp.pbrt", ramp());
 }
+
+void write_gas(const std::string& folder) { write_text(folder + "/gas.pbrt", gas()); }
 
 }  // namespace woodcock::generate

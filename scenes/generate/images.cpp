@@ -49,7 +49,26 @@ DVec3 sky(DVec3 d) {
   return colour;
 }
 
+/// A radiance without sharp edges: an overcast sky, bright around one direction, over a dim ground.
+DVec3 soft_sky(DVec3 d) {
+  const DVec3 kBright = DVec3(-0.55, -0.5, 0.67) / std::sqrt(0.55 * 0.55 + 0.5 * 0.5 + 0.67 * 0.67);
+  const double up = smoothstep(-0.3, 0.3, d.z), toward = std::fmax(0.0, glm::dot(d, kBright));
+  const double glow = toward * toward * toward * toward;
+  return (1 - up) * DVec3(0.16, 0.14, 0.12) + up * DVec3(0.42, 0.52, 0.68) + glow * glow * DVec3(3.4, 2.9, 2.2);
+}
+
 }  // namespace
+
+void write_soft_sky(const std::string& folder) {
+  constexpr int kSide = 96;
+  std::vector<float> values;
+  for (int y = 0; y < kSide; ++y)
+    for (int x = 0; x < kSide; ++x) {
+      const DVec3 colour = soft_sky(octahedral_direction((x + 0.5) / kSide, (y + 0.5) / kSide));
+      for (int c = 0; c < 3; ++c) values.push_back(static_cast<float>(colour[c]));
+    }
+  write_image(folder + "/soft_sky.exr", kSide, kSide, values, OIIO::TypeDesc::HALF);
+}
 
 void write_sky(const std::string& folder) {
   constexpr int kSide = 256, kSub = 4;
