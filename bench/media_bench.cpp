@@ -6,6 +6,7 @@
 #include <openvdb/openvdb.h>
 
 #include <cstring>
+#include <string>
 
 #include "renderer/core/random.h"
 #include "renderer/core/warp.h"
@@ -176,9 +177,9 @@ void FreeFlight(benchmark::State& state) {
     benchmark::DoNotOptimize(sum);
   }
   state.SetItemsProcessed(looked_up);
-  state.counters["per_flight"] =
+  const double per_flight =
       static_cast<double>(looked_up) / static_cast<double>(state.iterations()) / static_cast<double>(flights().size());
-  state.counters["edge"] = m.majorants().edge();
+  state.SetLabel(std::to_string(per_flight) + " look-ups a flight");
 }
 BENCHMARK(FreeFlight)->ArgName("sparse")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
 

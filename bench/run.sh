@@ -46,7 +46,7 @@ echo
 echo "## Media: look-ups per second of free flights against a bare loop over the same points"
 echo
 "$programs/media_bench" --benchmark_filter='FreeFlight' --benchmark_repetitions=5 --benchmark_enable_random_interleaving=true \
-  --benchmark_report_aggregates_only=true --benchmark_format=csv 2> /dev/null |
+  --benchmark_report_aggregates_only=true --benchmark_format=csv 2> "$log" |
   awk -F, '/_median/ {
       gsub(/"/, "", $1); sub(/_median/, "", $1)
       split($1, name, "/"); rate[name[1], name[2]] = $7
@@ -56,7 +56,7 @@ echo
       for (i = 1; i <= 2; ++i)
         printf "%s: %.1f of %.1f million a second, ratio %.2f\n", i == 1 ? "dense grid" : "sparse grid", rate["FreeFlight", kinds[i]] / 1e6,
                rate["LookUpsOfFreeFlight", kinds[i]] / 1e6, rate["FreeFlight", kinds[i]] / rate["LookUpsOfFreeFlight", kinds[i]]
-    }'
+    }' || { cat "$log" >&2; exit 1; }
 
 echo
 echo "## The effect plan"
