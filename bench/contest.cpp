@@ -185,6 +185,14 @@ Ratio efficiency_ratio(const Outcome& a, const Outcome& b) {
   return over_rounds([&](int round) { return a.efficiency(round) / b.efficiency(round); });
 }
 
+double pooled_efficiency_ratio(const Outcome& a, const Outcome& b) {
+  const auto cost = [](const Outcome& outcome) {
+    return std::accumulate(outcome.relative_variance.begin(), outcome.relative_variance.end(), 0.0) *
+           std::accumulate(outcome.seconds.begin(), outcome.seconds.end(), 0.0);
+  };
+  return cost(b) / cost(a);
+}
+
 Ratio time_ratio(const Outcome& a, const Outcome& b) {
   const double samples = static_cast<double>(b.samples) / static_cast<double>(a.samples);
   return over_rounds([&](int round) { return samples * a.seconds[size_t(round)] / b.seconds[size_t(round)]; });

@@ -65,6 +65,9 @@ std::vector<Outcome> contest(const std::string& scene, const std::vector<Contend
 
 /// How many times more efficient `a` is than `b`.
 Ratio efficiency_ratio(const Outcome& a, const Outcome& b);
+/// The same from the sums of variance and of time over all rounds: where light is found by rare chance, most rounds have too little
+/// variance and the median of their ratios flatters, while this is right on average (and scatters).
+double pooled_efficiency_ratio(const Outcome& a, const Outcome& b);
 /// CPU time a sample of `a` over that of `b`.
 Ratio time_ratio(const Outcome& a, const Outcome& b);
 
