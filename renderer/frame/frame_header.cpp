@@ -77,7 +77,7 @@ void apply_settings(const FrameSettings& settings, SceneDescription& scene) {
     refuse("max-depth: found " + std::to_string(scene.settings.max_depth) + ", expected at most " + std::to_string(kMostDepthWithGain) +
            " where in-scattering counts and out-scattering does not: energy grows with every scattering");
   }
-  refuse_lights(*estimator.estimator, scene);
+  refuse_lights(*estimator.estimator, estimator.features, scene);
 }
 
 FrameHeader frame_header(const SceneDescription& scene, const FrameSettings& settings) {

@@ -25,6 +25,9 @@ class EquiangularDistances {
     t_max_ = t_max;
   }
 
+  /// Under which the point sees the way, in radians. Where it is small the inverse square hardly varies.
+  double angle() const { return angle_; }
+
   /// u in [0, 1).
   float sample(double u) const {
     const double t = closest_ + height_ * std::tan(first_ + u * angle_);

@@ -114,9 +114,11 @@ std::string estimator_names(bool (*accepts)(const EstimatorInfo&)) {
   return names;
 }
 
-void refuse_lights(const EstimatorInfo& estimator, const SceneDescription& scene) {
-  if (estimator.samples_lights) return;
-  const std::string others = "; the estimators that do: " + estimator_names([](const EstimatorInfo& e) { return e.samples_lights; });
+void refuse_lights(const EstimatorInfo& estimator, const Features& features, const SceneDescription& scene) {
+  if (estimator.samples_lights && features.has(Feature::kLightSampling)) return;
+  const std::string others = estimator.samples_lights
+                                 ? " without its light-sampling"
+                                 : "; the estimators that do: " + estimator_names([](const EstimatorInfo& e) { return e.samples_lights; });
   for (const LightDescription& light : scene.lights) {
     if (const char* kind = delta_kind(light.kind))
       throw SceneError(light.where, "found a " + std::string(kind) + " light, which no ray can meet, and the estimator " +

@@ -37,8 +37,8 @@ const EstimatorInfo* find_estimator(std::string_view name);
 std::string estimator_names(bool (*accepts)(const EstimatorInfo&) = [](const EstimatorInfo&) { return true; });
 
 /// Throws SceneError at the first light of the scene that the estimator would miss without a word: one that has no extent,
-/// so that no ray meets it, where lights are not sampled.
-void refuse_lights(const EstimatorInfo& estimator, const SceneDescription& scene);
+/// so that no ray meets it, where lights are not sampled: by nature, or since `--without` says so.
+void refuse_lights(const EstimatorInfo& estimator, const Features& features, const SceneDescription& scene);
 /// Throws SceneError at the first medium that scatters and lies in the scene, where the estimator does not follow that.
 void refuse_media(const EstimatorInfo& estimator, const SceneDescription& scene, const World& world);
 

@@ -344,6 +344,8 @@ class PathKernel {
   /// Flights from later vertices are not worth a second shadow ray (measured on the fog, efficiency with flights from one,
   /// two, three and all vertices: 1.49, 1.73, 1.75 and 1.43 of that without any).
   static constexpr uint32_t kEquiangularVertices = 3;
+  /// A light that sees less of the way than this is far from all of it, and free flight does as well.
+  static constexpr double kLeastAngle = 0.8;
 
   /// A segment of a medium, for the densities of what might have happened on it.
   struct Flight {

@@ -91,6 +91,7 @@ void PathKernel<kMask>::sample_equiangular(const Medium& medium, float t_max) {
   const Vec3 position = world_.lights.position(choice->light);
   if (!is_near(medium, ray_.o, position)) return;
   const EquiangularDistances distances(ray_, position, t_max);
+  if (distances.angle() < kLeastAngle) return;
   const float t = distances.sample(u_distance), pdf = distances.pdf(t);
   const Vec3 p = ray_.at(t);
   const Vec2 u = equiangular_.uniform2();
@@ -131,7 +132,9 @@ float PathKernel<kMask>::equiangular_odds(int light) const {
   const Medium& medium = world_.media[flight.medium];
   const Vec3 position = world_.lights.position(light);
   if (!(pmf > 0) || !is_near(medium, flight.ray.o, position)) return 0;
-  return pmf * EquiangularDistances(flight.ray, position, flight.t_max).pdf(flight.t) / flight_density(medium, flight.share, flight.t);
+  const EquiangularDistances distances(flight.ray, position, flight.t_max);
+  if (distances.angle() < kLeastAngle) return 0;
+  return pmf * distances.pdf(flight.t) / flight_density(medium, flight.share, flight.t);
 }
 
 }  // namespace woodcock

@@ -111,9 +111,7 @@ class Planner {
         if (scene_.settings.max_depth > 0 && distance * medium.mean_sigma_t() < kFarthest)
           return add(kEquiangular, name, true,
                      "a light stands within " + std::to_string(static_cast<int>(kFarthest)) +
-                         " mean free paths of the camera in the medium "
-                         " + scene_.media[static_cast<size_t>(m)].name + "
-                         "",
+                         " mean free paths of the camera in the medium \"" + scene_.media[static_cast<size_t>(m)].name + "\"",
                      world_.lights.where(i));
       }
     }
