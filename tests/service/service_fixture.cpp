@@ -5,6 +5,7 @@
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <algorithm>
 
 #include <cerrno>
 #include <cstdlib>
@@ -91,12 +92,10 @@ std::optional<int> Program::wait(milliseconds timeout) {
 std::string Program::out() const { return contents(log_.string() + ".out"); }
 std::string Program::err() const { return contents(log_.string() + ".err"); }
 
-ServiceTest::ServiceTest()
-    : folder_(fs::path(::testing::TempDir()) /
-              ("service_" + std::to_string(::getpid()) + "_" + ::testing::UnitTest::GetInstance()->current_test_info()->name())) {
-  std::string name = folder_.filename();
-  for (char& c : name)
-    if (c == '/') c = '_';
+ServiceTest::ServiceTest() {
+  // The name of a test with a parameter has a slash in it; the process makes it unique among tests that run at once.
+  std::string name = "service_" + std::to_string(::getpid()) + "_" + ::testing::UnitTest::GetInstance()->current_test_info()->name();
+  std::replace(name.begin(), name.end(), '/', '_');
   folder_ = fs::path(::testing::TempDir()) / name;
   fs::remove_all(folder_);
   fs::create_directories(folder_);
