@@ -33,6 +33,13 @@ struct MediumPoint {
   Rgb emission{0};  ///< σa · Le: radiance gained per render unit of length
 };
 
+/// Whether distances of scatterings follow from σt, where a point's coefficients hold everywhere: it is positive wherever σs is.
+inline bool has_closed_forms(const MediumPoint& m) {
+  for (int c = 0; c < 3; ++c)
+    if (m.sigma_s[c] > 0 && !(m.sigma_t[c] > 0)) return false;
+  return true;
+}
+
 /// Something with one float value at each render-space point: `at(p)`, with `map()` into its own cells.
 using FloatField = std::variant<BrickField<float>, CloudField>;
 inline float look_up(const FloatField& field, Vec3 p) {
@@ -87,12 +94,6 @@ class Medium {
   float maximum_sigma_t() const { return maximum_sigma_t_; }
   /// Nothing at all happens in it.
   bool is_vacuum() const { return !attenuates() && !scatters() && !emits(); }
-  /// Whether distances of scatterings follow from σt: it is positive wherever σs is.
-  bool has_closed_forms() const {
-    for (int c = 0; c < 3; ++c)
-      if (unit_.sigma_s[c] > 0 && !(unit_.sigma_t[c] > 0)) return false;
-    return true;
-  }
   /// σt and σs are a density times constants that are equal in all channels.
   bool is_achromatic() const { return is_separable() && grey_ && unit_.sigma_s.x == unit_.sigma_s.y && unit_.sigma_s.y == unit_.sigma_s.z; }
   /// The average over its box of the mean channel of σt; of a sum, the sum of its parts' averages. An estimate that does not

@@ -10,6 +10,7 @@
 #include <cmath>
 
 #include "renderer/core/frame.h"
+#include "renderer/media/extent.h"
 #include "renderer/transport/equiangular.h"
 #include "renderer/transport/kernels.h"
 #include "renderer/transport/mis.h"
@@ -135,15 +136,23 @@ class PathKernel {
       this_flight_ = {ray_, t_max, 0, medium_, shares()};
       if (vertex_ < kEquiangularVertices && medium.scatters() && may_scatter()) sample_equiangular(medium, t_max);
     }
-    if (uses(kHomogeneousMedia) && medium.is_homogeneous() && (ways_.closed_forms || !std::isfinite(t_max)) && medium.has_closed_forms())
-      return fly_homogeneous(medium, t_max);
+    if (uses(kHomogeneousMedia) && medium.is_homogeneous() && (ways_.closed_forms || !std::isfinite(t_max)) &&
+        has_closed_forms(medium.homogeneous()))
+      return fly_homogeneous(medium.homogeneous(), is_chromatic(medium), t_max);
+    if (uses(kHeterogeneousMedia) && !medium.parts().empty() && !medium.is_homogeneous()) {
+      if (const auto endless = endless_part(medium, ray_, t_max)) return fly_endless(medium, *endless);
+    }
     return track(medium, t_max);
   }
 
   bool is_chromatic(const Medium& medium) const { return uses(kChromaticExtinction) && !(ways_.grey && medium.is_grey()); }
 
   /// Closed forms. Emission of the whole segment: ∫₀ᵗ exp(−σt s) σa Le ds.
-  std::optional<float> fly_homogeneous(const Medium& medium, float t_max);
+  std::optional<float> fly_homogeneous(const MediumPoint& m, bool chromatic, float t_max);
+
+  /// Through a sum without end: to the last of its grids by tracking, which would never end where a channel has no extinction,
+  /// and from there on by closed forms.
+  std::optional<float> fly_endless(const Medium& medium, const EndlessPart& endless);
 
   Rgb shares() const { return beta_ / (beta_.r + beta_.g + beta_.b); }
 

@@ -16,15 +16,14 @@ inline Rgb segment_emission(Rgb j, Rgb sigma, float t) {
 }
 
 template <uint32_t kMask>
-std::optional<float> PathKernel<kMask>::fly_homogeneous(const Medium& medium, float t_max) {
-  const MediumPoint& m = medium.homogeneous();
-  if (uses(kVolumeEmission) && medium.emits()) add(segment_emission(m.emission, m.sigma_t, t_max));
-  if (!uses(kVolumeScattering) || !medium.scatters() || !may_scatter()) {
+std::optional<float> PathKernel<kMask>::fly_homogeneous(const MediumPoint& m, bool chromatic, float t_max) {
+  if (uses(kVolumeEmission) && !is_black(m.emission)) add(segment_emission(m.emission, m.sigma_t, t_max));
+  if (!uses(kVolumeScattering) || is_black(m.sigma_s) || !may_scatter()) {
     beta_ *= attenuation(m.sigma_t, t_max);
     ended_ = is_black(beta_);
     return std::nullopt;
   }
-  if (!is_chromatic(medium)) {
+  if (!chromatic) {
     const float t = flight_.exponential() / m.sigma_t.x;
     if (t >= t_max) return std::nullopt;
     beta_ *= m.sigma_s / m.sigma_t.x;
@@ -47,6 +46,20 @@ std::optional<float> PathKernel<kMask>::fly_homogeneous(const Medium& medium, fl
   ended_ = is_black(beta_);
   if (through) return std::nullopt;
   return t;
+}
+
+template <uint32_t kMask>
+std::optional<float> PathKernel<kMask>::fly_endless(const Medium& medium, const EndlessPart& endless) {
+  if (const auto t = track(medium, static_cast<float>(endless.from)); t || ended_) return t;
+  const bool diverges = uses(kVolumeScattering) && may_scatter() && !has_closed_forms(endless.point);
+  if (diverges || is_black(beta_)) {
+    if (diverges) ++count_.truncated;
+    ended_ = true;
+    return std::nullopt;
+  }
+  const auto beyond = fly_homogeneous(endless.point, is_chromatic(medium), kInf);
+  if (!beyond) return std::nullopt;
+  return static_cast<float>(endless.from + static_cast<double>(*beyond));
 }
 
 template <uint32_t kMask>

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "renderer/media/extent.h"
 #include "renderer/transport/ray_marching.h"
 #include "renderer/transport/tentative_collisions.h"
 
@@ -65,6 +66,11 @@ Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, St
                            const TransmittanceWays& ways) {
   // An endless way is left to the closed form: where a channel has no extinction a tracking would never end.
   if (medium.is_homogeneous() && (ways.closed_forms || !std::isfinite(t_max))) return attenuation(medium.homogeneous().sigma_t, t_max);
+  if (const auto endless = endless_part(medium, ray, t_max)) {
+    const Rgb beyond = attenuation(endless->point.sigma_t, kInf);
+    if (is_black(beyond)) return beyond;
+    return beyond * estimate_transmittance(medium, ray, static_cast<float>(endless->from), random, count, ways);
+  }
   const bool grey = ways.grey && medium.is_grey();
   if (ways.ray_marching && !medium.scatters()) {
     const MarchedSegments segments(medium, ray, t_max, ways.bricks);

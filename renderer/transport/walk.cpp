@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "renderer/core/warp.h"
-#include "renderer/media/extent.h"
 
 namespace woodcock {
 namespace {
@@ -126,24 +125,6 @@ Vec3 point_before(const World& world, const Ray& ray, float t, const std::option
   if (may_coincide(world, ray, *hit, s.p)) return Junction(world, ray, *hit).origin(p, -ray.d);
   if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
   return offset_origin(s, -ray.d);
-}
-
-std::optional<EndlessPart> endless_part(const Medium& medium, const Ray& ray, float t_max) {
-  if (std::isfinite(t_max)) return std::nullopt;
-  if (medium.is_homogeneous()) return EndlessPart{0, medium.homogeneous()};
-  EndlessPart endless{0, {}};
-  bool any = false;
-  for (const auto& part : medium.parts()) {
-    if (!part->is_homogeneous()) {
-      endless.from = std::max(endless.from, extent_of(*part, ray, t_max).end);
-      continue;
-    }
-    any = true;
-    endless.point.sigma_t += part->homogeneous().sigma_t;
-    endless.point.sigma_s += part->homogeneous().sigma_s;
-    endless.point.emission += part->homogeneous().emission;
-  }
-  return any ? std::optional(endless) : std::nullopt;
 }
 
 bool diverges(const EndlessPart& endless, const Walk& w, bool scatters) {

@@ -7,6 +7,7 @@
 
 #include <optional>
 
+#include "renderer/media/extent.h"
 #include "renderer/transport/path.h"
 #include "renderer/transport/transmittance.h"
 #include "renderer/world/junction.h"
@@ -89,13 +90,6 @@ using ScatterFunction = bool (*)(WalkSample&, Walk&, const Medium&, Vec3);
 /// next to a boundary on it or beyond, and a walk that went on from there would take the medium to be endless.
 Vec3 point_before(const World& world, const Ray& ray, float t, const std::optional<Hit>& hit);
 
-/// What a segment without end leads into: the coefficients there, and the distance from which on they hold.
-struct EndlessPart {
-  double from;
-  MediumPoint point;
-};
-/// Nothing where the segment has an end, or the medium on it has.
-std::optional<EndlessPart> endless_part(const Medium& medium, const Ray& ray, float t_max);
 /// Whether its sources add up to no finite number: in some channel there is a source and no extinction.
 bool diverges(const EndlessPart& endless, const Walk& w, bool scatters);
 
