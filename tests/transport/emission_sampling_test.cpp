@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "renderer/world/effects.h"
 #include "tests/transport/estimate.h"
 
 namespace woodcock::testing {
@@ -52,6 +53,14 @@ TEST(EmissionSampling, gives_the_same_light_as_meeting_the_volume_by_chance_with
     EXPECT_GT(a.mean[1], 0.01) << name;
     EXPECT_EQ(a.counters.majorant_violations, 0u) << name;
   }
+}
+
+TEST(EmissionSampling, is_planned_where_the_glow_gives_a_fifth_of_the_light) {
+  const std::string fire = floor_lit_by(flame("m", 0.5, {0, 0, 0}, {5, 3, 1}));
+  const auto planned = [](const std::string& text) { return (compile(text).world->effects & kEmissionSampling) != 0; };
+  EXPECT_TRUE(planned(fire));
+  EXPECT_TRUE(planned(fire + environment(0.01f)));
+  EXPECT_FALSE(planned(fire + environment(1)));
 }
 
 TEST(EmissionSampling, features_of_tracking_change_no_light_of_a_grid_or_a_sum) {

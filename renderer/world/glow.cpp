@@ -1,0 +1,88 @@
+#include "renderer/world/glow.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "renderer/core/random.h"
+
+namespace woodcock {
+namespace {
+
+constexpr int kRays = 32;  // each way across the picture
+constexpr int kMostCrossings = 8;
+constexpr int kSteps = 8;  // of the way out of the glow
+
+/// A place that light may arrive at; all directions count alike where there is no normal.
+struct Place {
+  Vec3 p;
+  std::optional<Vec3> normal;
+
+  double cosine(Vec3 wi) const { return normal ? std::max(0.0, static_cast<double>(glm::dot(*normal, wi))) : 1; }
+};
+
+template <typename Use>
+void for_each_place(const World& world, Ray ray, Use&& use) {
+  int medium = world.camera_medium;
+  for (int crossing = 0; crossing < kMostCrossings; ++crossing) {
+    const auto hit = world.geometry.intersect(ray, kInf);
+    if (!hit) return;
+    if (medium != kNone && world.media[medium].scatters()) use(Place{ray.at(static_cast<float>(hit->t / 2)), std::nullopt});
+    const SurfacePoint s = world.geometry.surface(*hit, ray);
+    const SurfaceInfo& info = world.surfaces[static_cast<size_t>(hit->shape)];
+    if (!info.is_interface) return use(Place{s.p, glm::dot(s.ng, ray.d) < 0 ? s.ng : -s.ng});
+    medium = world.medium_after(info, s.ng, ray.d, medium);
+    ray.o = offset_origin(s, ray.d);
+  }
+}
+
+/// What one sample would bring: light times cosine over density, with nothing in the way but the glowing medium itself.
+double sample_lights(const World& world, const Place& place, Stream& random) {
+  const auto choice = world.lights.choose(random.uniform());
+  if (!choice) return 0;
+  const Vec2 u = random.uniform2();
+  const auto light = world.lights.sample(choice->light, place.p, u, random.uniform());
+  if (!light) return 0;
+  return static_cast<double>(average(light->radiance)) * place.cosine(light->wi) /
+         (static_cast<double>(choice->pmf) * static_cast<double>(light->pdf));
+}
+
+double sample_glow(const World& world, const Place& place, Stream& random) {
+  const int chosen = world.choose_emissive(random.uniform());
+  const Medium& medium = world.media[chosen];
+  const Vec2 u = random.uniform2();
+  const float u_z = random.uniform();
+  const auto brick = medium.emission_bricks()->sample({u.x, u.y, u_z}, random.uniform_double());
+  const Vec3 to = brick.p - place.p;
+  const double distance = static_cast<double>(glm::length(to));
+  if (!(distance > 0)) return 0;
+  double depth = 0;
+  for (int i = 0; i < kSteps; ++i) {
+    const float part = (static_cast<float>(i) + 0.5f) / kSteps;
+    depth += static_cast<double>(average(medium.sigma_t(place.p + part * to))) * distance / kSteps;
+  }
+  const double density = static_cast<double>(world.emissive_pmf(chosen)) * static_cast<double>(brick.pdf) * distance * distance;
+  return static_cast<double>(average(medium.at(brick.p).emission)) * std::exp(-depth) * place.cosine(to / static_cast<float>(distance)) /
+         density;
+}
+
+}  // namespace
+
+double share_of_glow(const World& world, const FilmDescription& film) {
+  if (world.emissive_media.empty()) return 0;
+  double lights = 0, glow = 0;
+  Stream random(0x676c6f77ULL);
+  for (int y = 0; y < kRays; ++y)
+    for (int x = 0; x < kRays; ++x) {
+      const DVec2 raster((x + 0.5) / kRays * film.x_resolution, (y + 0.5) / kRays * film.y_resolution);
+      for_each_place(world, world.camera.ray(raster, Vec2(0.5f), 0), [&](const Place& place) {
+        lights += sample_lights(world, place, random);
+        glow += sample_glow(world, place, random);
+      });
+    }
+  const double share = glow / (glow + lights);
+  // Where the camera sees nothing that light could arrive at, nothing speaks for the glow's shadow rays.
+  return std::isfinite(share) ? share : 0;
+}
+
+}  // namespace woodcock
