@@ -5,6 +5,7 @@
 #include <functional>
 #include <vector>
 
+#include "renderer/accuracy/convergence.h"
 #include "renderer/frame/frame_renderer.h"
 
 namespace woodcock {
@@ -14,7 +15,13 @@ struct LocalRender {
   std::vector<Tile> nodes;
   SampleRange samples;
   bool complete = false;
+  /// The error of every finished prefix of 1, 2, 4, … samples from the first on, and of the end.
+  Convergence convergence;
 };
+
+/// The passes of a local render: of `samples` the maximal dyadic nodes, none longer than 32 samples, and a start at 0 by
+/// [0, 1), [1, 2), [2, 4), …, [16, 32), so that the picture is whole at every power of two.
+std::vector<SampleRange> render_passes(SampleRange samples);
 
 /// Renders `samples` of the whole frame in passes over tiles of edge `tile_size`, after the nodes in `earlier` (which
 /// end where `samples` begins). When `stop` becomes true the passes finished so far are the result; where not even

@@ -33,21 +33,21 @@ std::array<double, kReplicates> replicates_of(const PixelStats& pixel) {
   return values;
 }
 
+int degrees_of(const FoldWeights& weights) {
+  return static_cast<int>(std::count_if(weights.of_replicate.begin(), weights.of_replicate.end(), [](double n) { return n > 0; })) - 1;
+}
+
 double variance_between(const std::array<double, kReplicates>& replicate, const FoldWeights& weights) {
   const double mean = mean_luminance(replicate, weights);
   double sum = 0;
   for (size_t k = 0; k < kReplicates; ++k) sum += weights.of_replicate[k] * (replicate[k] - mean) * (replicate[k] - mean);
-  return sum / ((kReplicates - 1) * weights.samples);
-}
-
-bool all_replicates_have_samples(const FoldWeights& weights) {
-  return std::all_of(weights.of_replicate.begin(), weights.of_replicate.end(), [](double n) { return n > 0; });
+  return sum / (degrees_of(weights) * weights.samples);
 }
 
 /// The error of every pixel against `image_mean`.
 void estimate_pixels(const VisitPixels& visit, const FoldWeights& weights, ErrorEstimate& error) {
   const double floor = 0.01 * error.image_mean, pixels = static_cast<double>(error.pixels);
-  double variance = 0, relative = 0, relative_squares = 0;
+  double variance = 0, relative = 0, relative_squares = 0, noise = 0, largest_absolute = 0, largest_relative = 0;
   visit([&](std::span<const PixelStats> piece) {
     for (const PixelStats& pixel : piece) {
       if (pixel.missing()) continue;
@@ -58,6 +58,12 @@ void estimate_pixels(const VisitPixels& visit, const FoldWeights& weights, Error
       variance += v;
       relative += term;
       relative_squares += term * term;
+      // E[t²] = E[t]²·(1 + 2/ν), so 2/(ν + 2)·t² is on average the variance of a term that is a multiple of χ²; a mean that is
+      // off by δ moves it by the factor 1 − 2·x̄·δ/(x̄² + floor²).
+      noise += term * term * (2.0 / (error.degrees + 2) + (scale > 0 ? 4 * v * mean * mean / (scale * scale) : 0));
+      const double one = static_cast<double>(pixel.largest) / weights.samples, share = std::min(one * one, v);
+      largest_absolute = std::max(largest_absolute, share);
+      if (scale > 0) largest_relative = std::max(largest_relative, share / scale);
     }
   });
   const double mse = relative / pixels;
@@ -69,12 +75,15 @@ void estimate_pixels(const VisitPixels& visit, const FoldWeights& weights, Error
     e.half_width = kNormal95 * std::sqrt(scatter) / (2 * e.value);  // dE = d(E²)/(2E)
   }
   error.relative_error = e;
+  error.mse_deviation = mse > 0 ? std::sqrt(noise) / relative : 0;
+  error.one_sample_share = mse > 0 ? std::max(largest_absolute / variance, largest_relative / relative) : 0;
 }
 
 ErrorEstimate estimate(const VisitPixels& visit, SampleRange range) {
   const FoldWeights weights(range);
   ErrorEstimate error;
   error.samples = range.size();
+  error.degrees = std::max(0, degrees_of(weights));
   std::array<double, kReplicates> replicate{};
   int64_t fireflies = 0;
   visit([&](std::span<const PixelStats> piece) {
@@ -93,8 +102,8 @@ ErrorEstimate estimate(const VisitPixels& visit, SampleRange range) {
   for (double& r : replicate) r /= static_cast<double>(error.pixels);
   error.image_mean = mean_luminance(replicate, weights);
   if (error.samples >= kFireflySamples) error.firefly_share = static_cast<double>(fireflies) / static_cast<double>(error.pixels);
-  if (!all_replicates_have_samples(weights)) return error;
-  error.image_mean_half_width = student_quantile(0.5 + kConfidence / 2, kReplicates - 1) * std::sqrt(variance_between(replicate, weights));
+  if (error.degrees < 1) return error;
+  error.image_mean_half_width = student_quantile(0.5 + kConfidence / 2, error.degrees) * std::sqrt(variance_between(replicate, weights));
   estimate_pixels(visit, weights, error);
   return error;
 }
@@ -110,6 +119,28 @@ int64_t samples_for(int64_t samples, double error_factor) {
 
 ErrorEstimate estimate_error(std::span<const PixelStats> picture, SampleRange range) {
   return estimate([&](const auto& use) { use(picture); }, range);
+}
+
+ErrorEstimate estimate_error(std::span<const Tile> nodes) {
+  if (nodes.empty()) return {};
+  if (nodes.size() == 1) return estimate_error(nodes[0].pixels, nodes[0].range);
+  std::vector<SampleRange> ranges;
+  for (const Tile& node : nodes) ranges.push_back(node.range);
+  const size_t pixels = nodes[0].pixels.size();
+  std::vector<PixelStats> piece, one(nodes.size());
+  return estimate(
+      [&](const auto& use) {
+        constexpr size_t kPixels = 4096;
+        for (size_t begin = 0; begin < pixels; begin += kPixels) {
+          piece.clear();
+          for (size_t p = begin; p < std::min(pixels, begin + kPixels); ++p) {
+            for (size_t i = 0; i < nodes.size(); ++i) one[i] = nodes[i].pixels[p];
+            piece.push_back(fold(ranges, one));
+          }
+          use(piece);
+        }
+      },
+      {ranges.front().begin, ranges.back().end});
 }
 
 ErrorEstimate estimate_error(const std::filesystem::path& exr) {
@@ -130,12 +161,12 @@ std::string format_error(const ErrorEstimate& error) {
   if (error.pixels == 0) return text;
   if (!error.relative_error) {
     text += fmt::format(
-        "image mean {:.6g}\nnot enough samples for an interval: the error is estimated between {} replicates, each needs a sample\n",
-        error.image_mean, kReplicates);
+        "image mean {:.6g}\nnot enough samples for an interval: the error is estimated between replicates, two of them need samples\n",
+        error.image_mean);
     return text;
   }
   text += fmt::format("image mean {:.6g} ± {:.2g} (95 %, Student's t between {} replicates)\n", error.image_mean,
-                      *error.image_mean_half_width, kReplicates);
+                      *error.image_mean_half_width, error.degrees + 1);
   text +=
       fmt::format("relative error {:.3g} % ± {:.2g} % (95 %); relative MSE {:.3g}; standard error {:.3g}\n",
                   100 * error.relative_error->value, 100 * error.relative_error->half_width, *error.relative_mse, *error.standard_error);
@@ -162,7 +193,9 @@ std::vector<std::pair<std::string, double>> error_fields(const ErrorEstimate& er
   }
   add("relative_mse", error.relative_mse);
   add("standard_error", error.standard_error);
+  add("mse_deviation", error.mse_deviation);
   add("firefly_share", error.firefly_share);
+  add("one_sample_share", error.one_sample_share);
   return fields;
 }
 

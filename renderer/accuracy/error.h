@@ -1,7 +1,8 @@
 // The error a frame has reached, from its own statistics.
 //
 // Errors are estimated *between* the 8 replicates, not from the scatter of single samples: with low-discrepancy numbers
-// the samples of a replicate depend on each other, the replicates do not. All quantities are of Rec. 709 luminance.
+// the samples of a replicate depend on each other, the replicates do not. Fewer than 8 samples are of as many
+// replicates; from one sample nothing follows. All quantities are of Rec. 709 luminance.
 // The sums use + − × ÷ and √ in double, in the order of the pixels, so that every program gets the same result.
 #pragma once
 
@@ -16,6 +17,7 @@
 #include "renderer/film/dyadic.h"
 #include "renderer/film/exr.h"
 #include "renderer/film/node.h"
+#include "renderer/film/tile.h"
 
 namespace woodcock {
 
@@ -31,22 +33,28 @@ struct ErrorEstimate {
   int64_t pixels = 0;   ///< with all their samples; the others are left out of every mean
   int64_t missing_pixels = 0;
   double image_mean = 0;  ///< mean over the pixels
-  /// Half width of the 95 % interval of `image_mean`, by Student's t with 7 degrees of freedom between the replicates.
+  int degrees = 0;        ///< of freedom: the replicates that hold samples, less one; 7 from 8 samples on
+  /// Half width of the 95 % interval of `image_mean`, by Student's t between the replicates.
   std::optional<double> image_mean_half_width;
   /// E = sqrt(mean over pixels of Var(x̄)/(x̄² + (0.01·image mean)²)), and a 95 % interval from the scatter of the pixels
   /// (wide of the truth rather than narrow: differences between parts of the image count as scatter).
   std::optional<Estimate> relative_error;
-  std::optional<double> relative_mse;    ///< E²
+  std::optional<double> relative_mse;  ///< E²
+  /// Relative standard deviation of `relative_mse` as an estimate, for replicates with normal means: what the noise of the
+  /// pixels' variances (2/ν each) and means makes of it, without what differs between the pixels themselves.
+  std::optional<double> mse_deviation;
   std::optional<double> standard_error;  ///< sqrt(mean over pixels of Var(x̄)), in units of radiance
   /// Share of the pixels that owe more than a tenth of their value to one sample; absent below kFireflySamples.
   std::optional<double> firefly_share;
+  /// The largest share that one sample has of the picture's E² or of the variance of its mean.
+  std::optional<double> one_sample_share;
 };
 
 /// Below this the largest of ordinary samples is a tenth of the whole anyway.
 inline constexpr int64_t kFireflySamples = 64;
 
-/// Var(x̄) of one pixel's luminance: Σ n_k (r_k − x̄)² / ((K − 1)·n) over the K = 8 replicates with n_k samples of
-/// mean r_k; unbiased for independent replicates. `weights` as for the pixel's range, with a sample of every replicate.
+/// Var(x̄) of one pixel's luminance: Σ n_k (r_k − x̄)² / ((K − 1)·n) over the K ≤ 8 replicates that hold n_k > 0 samples of
+/// mean r_k; unbiased for independent replicates. `weights` as for the pixel's range, with two replicates at least.
 double variance_of_mean(const PixelStats& pixel, const FoldWeights& weights);
 
 /// Samples per pixel that reach `error_factor` (½, ¼, …) of the present error: error² falls as 1/samples.
@@ -54,6 +62,9 @@ int64_t samples_for(int64_t samples, double error_factor);
 
 /// The error of a picture whose pixels hold the samples of `range`.
 ErrorEstimate estimate_error(std::span<const PixelStats> picture, SampleRange range);
+
+/// The error of the fold of `nodes`: the maximal dyadic nodes of one range, in order, of one rectangle.
+ErrorEstimate estimate_error(std::span<const Tile> nodes);
 
 /// The error of a node file, read by rows (twice). Throws FilmError.
 ErrorEstimate estimate_error(const std::filesystem::path& exr);

@@ -1,0 +1,96 @@
+#include "renderer/accuracy/convergence.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace woodcock {
+
+namespace {
+
+constexpr double kNormal95 = 1.959963984540054;
+constexpr double kLargestError = 0.7;
+constexpr double kLargestOneSampleShare = 0.25;
+constexpr double kLargestFireflyShare = 0.1;
+
+/// g of the head of convergence.h.
+double chain(int64_t samples) {
+  const auto n = static_cast<double>(samples);
+  return samples <= kReplicates ? std::sqrt(n - 1) : std::sqrt(kReplicates - 1.0) * n / kReplicates;
+}
+
+/// Relative standard deviation of the MSE: the noise of its estimate and the bias that noisy means in its denominator give it.
+double deviation(const ErrorEstimate& error) {
+  return std::sqrt(*error.mse_deviation * *error.mse_deviation + *error.relative_mse * *error.relative_mse);
+}
+
+}  // namespace
+
+double seconds_per_sample(const Convergence& record) {
+  if (record.points.empty() || record.points.back().samples <= record.timed_from) return 0;
+  return record.points.back().cpu_seconds / static_cast<double>(record.points.back().samples - record.timed_from);
+}
+
+std::optional<Estimate> mse_slope(std::span<const ConvergencePoint> points) {
+  // Rows (1, log n | log MSE), each without what the row before explains of it and divided by its deviation, make the normal
+  // equations of independent rows.
+  double a = 0, b = 0, c = 0, u = 0, v = 0, last[3] = {}, last_chain = 0;
+  int rows = 0;
+  for (const auto& [samples, error, seconds] : points) {
+    if (samples < 4 || !error.relative_error || !(*error.relative_mse > 0) || error.relative_error->value > kLargestError) continue;
+    const double sigma = std::max(deviation(error), 1e-9);
+    // E[log(1 + ε)] = −σ²/2.
+    const double row[3] = {1 / sigma, std::log(static_cast<double>(samples)) / sigma,
+                           (std::log(*error.relative_mse) + 0.5 * *error.mse_deviation * *error.mse_deviation) / sigma};
+    const double g = chain(samples), correlation = last_chain / g, rest = std::sqrt(1 - correlation * correlation);
+    double x[3];
+    for (int i = 0; i < 3; ++i) x[i] = (row[i] - correlation * last[i]) / rest;
+    a += x[0] * x[0];
+    b += x[0] * x[1];
+    c += x[1] * x[1];
+    u += x[0] * x[2];
+    v += x[1] * x[2];
+    std::copy(row, row + 3, last);
+    last_chain = g;
+    ++rows;
+  }
+  const double determinant = a * c - b * b;
+  if (rows < 3 || !(determinant > 0)) return std::nullopt;
+  return Estimate{(a * v - b * u) / determinant, kNormal95 * std::sqrt(a / determinant)};
+}
+
+std::string heavy_tail_reason(const ErrorEstimate& error) {
+  if (error.one_sample_share && *error.one_sample_share > kLargestOneSampleShare && error.samples * error.pixels >= 256)
+    return fmt::format("one sample carries {:.0f} % of the error", 100 * std::min(1.0, *error.one_sample_share));
+  if (error.samples >= 256 && error.firefly_share && *error.firefly_share > kLargestFireflyShare)
+    return fmt::format("{:.0f} % of the pixels owe more than a tenth of their value to one sample", 100 * *error.firefly_share);
+  return {};
+}
+
+std::string heavy_tail_reason(std::span<const ConvergencePoint> points) {
+  if (points.empty()) return {};
+  const auto slope = mse_slope(points);
+  if (slope && slope->value - slope->half_width > -1 + kSlopeTolerance)
+    return fmt::format("the MSE falls as samples^({:.2f} ± {:.2f}) instead of samples^-1", slope->value, slope->half_width);
+  return heavy_tail_reason(points.back().error);
+}
+
+std::vector<Prediction> predict(const Convergence& record) {
+  std::vector<Prediction> list;
+  if (record.points.empty()) return list;
+  const auto& [samples, error, seconds] = record.points.back();
+  if (!error.relative_error || !(error.relative_error->value > 0) || heavy_tailed(record.points)) return list;
+  const double spread = kNormal95 * deviation(error);
+  for (const double factor : {0.5, 0.25, 0.1}) {
+    Prediction p{factor, factor * error.relative_error->value, samples_for(samples, factor), 0, 0, 0};
+    const auto n = static_cast<double>(p.samples);
+    p.samples_low = std::max(samples, static_cast<int64_t>(n * std::max(0.0, 1 - spread)));
+    p.samples_high = static_cast<int64_t>(std::min(n * (1 + spread), static_cast<double>(kMaxSamples)));
+    p.cpu_seconds = seconds_per_sample(record) * static_cast<double>(p.samples - samples);
+    list.push_back(p);
+  }
+  return list;
+}
+
+}  // namespace woodcock

@@ -1,0 +1,68 @@
+// How the error of one render fell while its samples grew, and what that lets one expect of more samples.
+//
+// The counts of one render are nested: the samples [0, n) are a part of [0, 2n), so their errors are not independent.
+// For normal samples s² of the first m and of the first n samples have the covariance Var(s²_n) (s²_n is complete and
+// sufficient); with K = 8 replicates of n/8 samples each, squared means of a part and of the whole correlate by m/n. So
+//     corr(m, n) = g(m)/g(n),   g(n) = sqrt(n − 1) for n ≤ 8,   sqrt(7)·n/8 beyond,
+// a Markov chain: the part of each error that the one before it does not explain is independent of all earlier ones, and
+// the fits here weigh these increments. From 8 samples on they are what independent dyadic halves contribute.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "renderer/accuracy/error.h"
+
+namespace woodcock {
+
+/// The picture of the first `samples` samples per pixel.
+struct ConvergencePoint {
+  int64_t samples = 0;
+  ErrorEstimate error;
+  double cpu_seconds = 0;  ///< CPU time of the threads that rendered them, added up; it holds on a busy machine
+};
+
+/// The record of one render: smallest count first.
+struct Convergence {
+  std::vector<ConvergencePoint> points;
+  int64_t timed_from = 0;  ///< samples that were there before: `cpu_seconds` counts from them on
+};
+
+/// CPU seconds a sample per pixel took: those of the last point over its timed samples. 0 where nothing was timed.
+double seconds_per_sample(const Convergence& record);
+
+/// The slope of log(relative MSE) against log(samples) with its 95 % interval, by generalised least squares over the points
+/// from 4 samples on with an error below 70 %. The weights hold the noise of each estimate and, as E² is biased by about E⁴
+/// where means in its denominator are noisy, that too. Absent for fewer than three such points. −1 for independent samples.
+std::optional<Estimate> mse_slope(std::span<const ConvergencePoint> points);
+
+/// The slope may be off by this before it counts: a tenth of the error then costs at most a quarter more than was said.
+inline constexpr double kSlopeTolerance = 0.05;
+
+/// Why the last error and what follows from it are not to be trusted; empty where nothing speaks against it. Grounds: the
+/// slope is flatter than −1 beyond its interval and the tolerance; one sample carries a quarter of the squared error or of
+/// the variance of the image mean, among at least 256; from 256 samples a pixel on, a tenth of the pixels owe more than a
+/// tenth of their value to one sample.
+std::string heavy_tail_reason(std::span<const ConvergencePoint> points);
+/// The same from one estimate alone, without the slope.
+std::string heavy_tail_reason(const ErrorEstimate& error);
+inline bool heavy_tailed(std::span<const ConvergencePoint> points) { return !heavy_tail_reason(points).empty(); }
+
+/// What `error_factor` of the last point's error would take. Samples go with 1/MSE, the interval (95 %) holds the noise of
+/// the last error and its bias.
+struct Prediction {
+  double error_factor = 1;
+  double error = 0;     ///< relative, E
+  int64_t samples = 0;  ///< per pixel in all, those that are there included
+  int64_t samples_low = 0, samples_high = 0;
+  double cpu_seconds = 0;  ///< of the samples that are still to be rendered
+};
+
+/// For half, a quarter and a tenth of the error; empty where it is unknown or zero, or the record is heavy-tailed: then
+/// nobody knows.
+std::vector<Prediction> predict(const Convergence& record);
+
+}  // namespace woodcock
