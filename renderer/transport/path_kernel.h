@@ -17,19 +17,11 @@
 #include "renderer/transport/path.h"
 #include "renderer/transport/tentative_collisions.h"
 #include "renderer/transport/transmittance.h"
+#include "renderer/transport/vertex.h"
 #include "renderer/world/effects.h"
 #include "renderer/world/junction.h"
 
 namespace woodcock {
-
-/// A frame around ns whose first axis follows ∂p/∂u, for anisotropic roughness.
-inline Frame shading_frame(Vec3 ns, Vec3 dpdu) {
-  const Vec3 s = dpdu - ns * glm::dot(ns, dpdu);
-  const float length2 = length_squared(s);
-  if (!(length2 > 1e-12f * length_squared(dpdu))) return Frame::from_normal(ns);
-  const Vec3 unit = s / std::sqrt(length2);
-  return {unit, glm::cross(ns, unit), ns};
-}
 
 /// One path. Members carry what the next event needs.
 ///
@@ -90,7 +82,7 @@ class PathKernel {
         const auto t = fly(hit ? static_cast<float>(hit->t) : kInf);
         if (ended_) break;
         if (t) {
-          if (!scatter_in_medium(*t, hit ? before_boundary(*t, *hit) : ray_.at(*t))) break;
+          if (!scatter_in_medium(*t, point_before(world_, ray_, *t, hit, uses(kTouching)))) break;
           crossings = 0;
           continue;
         }
@@ -192,10 +184,6 @@ class PathKernel {
   /// with the density of its direction times the rate of collisions, for which a constant of the medium stands.
   void add_volume_emission(const Medium& medium, Rgb radiance, Vec3 p);
   static float typical_rate(const Medium& medium) { return static_cast<float>(std::max(4 / medium.diagonal(), medium.mean_sigma_t())); }
-
-  /// The point at t, which lies before the hit. Rounding may put a point next to a boundary on it or beyond, and a path
-  /// that went on from there would take the medium to be endless: such a point goes to the near side.
-  Vec3 before_boundary(float t, const Hit& hit) const;
 
   bool scatter_in_medium(float t, Vec3 p);
 

@@ -140,18 +140,6 @@ void PathKernel<kMask>::add_volume_emission(const Medium& medium, Rgb radiance, 
 }
 
 template <uint32_t kMask>
-Vec3 PathKernel<kMask>::before_boundary(float t, const Hit& hit) const {
-  const Vec3 p = ray_.at(t);
-  constexpr double kNear = 1e-3;  // farther away rounding matters only to rays that graze at less than 1e-4
-  if (hit.t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit.t)) return p;
-  const SurfacePoint s = world_.geometry.surface(hit, ray_);
-  const Vec3 towards_us = glm::dot(ray_.d, s.ng) < 0 ? s.ng : -s.ng;
-  if (uses(kTouching) && may_coincide(world_, ray_, hit, s.p)) return Junction(world_, ray_, hit).origin(p, -ray_.d);
-  if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
-  return offset_origin(s, -ray_.d);
-}
-
-template <uint32_t kMask>
 bool PathKernel<kMask>::scatter_in_medium(float t, Vec3 p) {
   const Medium& medium = world_.media[medium_];
   travelled_ += t;

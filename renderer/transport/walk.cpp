@@ -7,15 +7,6 @@
 namespace woodcock {
 namespace {
 
-/// A frame around ns whose first axis follows ∂p/∂u, for anisotropic roughness.
-Frame shading_frame(Vec3 ns, Vec3 dpdu) {
-  const Vec3 s = dpdu - ns * glm::dot(ns, dpdu);
-  const float length2 = length_squared(s);
-  if (!(length2 > 1e-12f * length_squared(dpdu))) return Frame::from_normal(ns);
-  const Vec3 unit = s / std::sqrt(length2);
-  return {unit, glm::cross(ns, unit), ns};
-}
-
 /// Russian roulette from the second scattering on, on the throughput relative to the branch's own start and to what
 /// refraction alone does to radiance: survival with probability q = min(1, max β · η²/start), and then the weight 1/q.
 bool survives_roulette(WalkSample& sample, Walk& w) {
@@ -113,18 +104,6 @@ bool scatter_by_phase(WalkSample& sample, Walk& w, const Medium& medium, Vec3 p)
   w.beta *= s.weight;
   w.first = false;
   return go_on(sample, w, p, s.wi);
-}
-
-Vec3 point_before(const World& world, const Ray& ray, float t, const std::optional<Hit>& hit) {
-  const Vec3 p = ray.at(t);
-  if (!hit) return p;
-  constexpr double kNear = 1e-3;  // farther away rounding matters only to rays that graze at less than 1e-4
-  if (hit->t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit->t)) return p;
-  const SurfacePoint s = world.geometry.surface(*hit, ray);
-  const Vec3 towards_us = glm::dot(ray.d, s.ng) < 0 ? s.ng : -s.ng;
-  if (may_coincide(world, ray, *hit, s.p)) return Junction(world, ray, *hit).origin(p, -ray.d);
-  if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
-  return offset_origin(s, -ray.d);
 }
 
 bool diverges(const EndlessPart& endless, const Walk& w, bool scatters) {

@@ -10,6 +10,7 @@
 #include "renderer/media/extent.h"
 #include "renderer/transport/path.h"
 #include "renderer/transport/transmittance.h"
+#include "renderer/transport/vertex.h"
 #include "renderer/world/junction.h"
 
 namespace woodcock {
@@ -85,10 +86,6 @@ bool scatter_uniformly(WalkSample& sample, Walk& w, const Medium& medium, Vec3 p
 /// The same into a direction drawn from the phase function: weight f/pdf, which is 1 (eq. 13).
 bool scatter_by_phase(WalkSample& sample, Walk& w, const Medium& medium, Vec3 p);
 using ScatterFunction = bool (*)(WalkSample&, Walk&, const Medium&, Vec3);
-
-/// The point at distance t of a walk's ray, on the near side of the hit that ends the segment: rounding may put a point
-/// next to a boundary on it or beyond, and a walk that went on from there would take the medium to be endless.
-Vec3 point_before(const World& world, const Ray& ray, float t, const std::optional<Hit>& hit);
 
 /// Whether its sources add up to no finite number: in some channel there is a source and no extinction.
 bool diverges(const EndlessPart& endless, const Walk& w, bool scatters);

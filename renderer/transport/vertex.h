@@ -1,0 +1,37 @@
+// What the vertices of all estimators' paths have in common.
+#pragma once
+
+#include <cmath>
+#include <optional>
+
+#include "renderer/core/frame.h"
+#include "renderer/world/junction.h"
+#include "renderer/world/world.h"
+
+namespace woodcock {
+
+/// A frame around ns whose first axis follows ∂p/∂u, for anisotropic roughness.
+inline Frame shading_frame(Vec3 ns, Vec3 dpdu) {
+  const Vec3 s = dpdu - ns * glm::dot(ns, dpdu);
+  const float length2 = length_squared(s);
+  if (!(length2 > 1e-12f * length_squared(dpdu))) return Frame::from_normal(ns);
+  const Vec3 unit = s / std::sqrt(length2);
+  return {unit, glm::cross(ns, unit), ns};
+}
+
+/// The point at distance t of a ray, on the near side of the hit that ends its segment, if one does: rounding may put a point next to a
+/// boundary on it or beyond, and a path that went on from there would take the medium to be endless. `may_touch`: other surfaces may
+/// coincide with the one hit.
+inline Vec3 point_before(const World& world, const Ray& ray, float t, const std::optional<Hit>& hit, bool may_touch = true) {
+  const Vec3 p = ray.at(t);
+  if (!hit) return p;
+  constexpr double kNear = 1e-3;  // farther away rounding matters only to rays that graze at less than 1e-4
+  if (hit->t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit->t)) return p;
+  const SurfacePoint s = world.geometry.surface(*hit, ray);
+  const Vec3 towards_us = glm::dot(ray.d, s.ng) < 0 ? s.ng : -s.ng;
+  if (may_touch && may_coincide(world, ray, *hit, s.p)) return Junction(world, ray, *hit).origin(p, -ray.d);
+  if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
+  return offset_origin(s, -ray.d);
+}
+
+}  // namespace woodcock
