@@ -46,6 +46,9 @@ class Geometry {
   /// kAnywhere Embree gets its rays from a little before their origin and what is met before the origin is skipped.
   enum class Starts { kOnSurfaces, kAnywhere };
 
+  /// Whether a hit's tangents matter: they do to normal maps and anisotropic roughness only.
+  enum class Tangents { kWanted, kNotWanted };
+
   /// `shapes[0, top_level)` stand in the scene themselves, the others belong to objects.
   /// Throws std::runtime_error where Embree refuses (out of memory).
   Geometry(std::vector<Shape> shapes, int top_level, std::vector<Object> objects, std::vector<Instance> instances,
@@ -70,8 +73,8 @@ class Geometry {
   /// Whether anything lies at 0 < t < t_max; on `target` only hits before 0.999 t_max count.
   bool occluded(const Ray& ray, double t_max, TargetPrimitive target) const;
 
-  /// The local geometry at a hit that intersect() returned for this ray.
-  SurfacePoint surface(const Hit& hit, const Ray& ray) const;
+  /// The local geometry at a hit that intersect() returned for this ray. dpdu and dpdv are left at zero unless asked for.
+  SurfacePoint surface(const Hit& hit, const Ray& ray, Tangents tangents = Tangents::kWanted) const;
 
   /// The version of the ray-casting library that is loaded, e.g. "3.13.5".
   static std::string library_version();

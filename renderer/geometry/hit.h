@@ -36,7 +36,7 @@ struct SurfacePoint {
   Vec3 p_error;  ///< bound of that rounding, and of the ray's on its way to an instance
   Vec3 ng;       ///< unit geometric normal, on the side that the scene file calls outside
   Vec3 ns;       ///< unit shading normal, in the hemisphere of ng
-  Vec3 dpdu, dpdv;
+  Vec3 dpdu{0}, dpdv{0};
   Vec2 uv;  ///< texture coordinates
 };
 

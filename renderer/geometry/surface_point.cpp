@@ -29,7 +29,8 @@ void triangle_tangents(const Mesh& mesh, const std::array<uint32_t, 3>& t, Vec3 
 
 }  // namespace
 
-SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray) const {
+SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray, Tangents tangents) const {
+  const bool with_tangents = tangents == Tangents::kWanted;
   const Shape& shape = impl_->shapes[hit.shape];
   SurfacePoint s;
   DVec3 p, ng, ns{0};
@@ -44,7 +45,7 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray) const {
       ns = b0 * DVec3(mesh->normals[t[0]]) + b1 * DVec3(mesh->normals[t[1]]) + b2 * DVec3(mesh->normals[t[2]]);
       if (glm::dot(ns, ng) < 0) ng = -ng;
     }
-    triangle_tangents(*mesh, t, Vec3(e1), Vec3(e2), Vec3(ng), s);
+    if (with_tangents) triangle_tangents(*mesh, t, Vec3(e1), Vec3(e2), Vec3(ng), s);
     s.uv = {static_cast<float>(b1 + b2), static_cast<float>(b2)};
     if (!mesh->uv.empty()) s.uv = float(b0) * mesh->uv[t[0]] + float(b1) * mesh->uv[t[1]] + float(b2) * mesh->uv[t[2]];
   } else if (const auto* patches = std::get_if<PatchMesh>(&shape.geometry)) {
@@ -67,8 +68,10 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray) const {
       s.uv = {0, 0};
       for (int i = 0; i < 4; ++i) s.uv += static_cast<float>(w[i]) * patches->uv[q[i]];
     }
-    s.dpdu = Vec3(dpdu);
-    s.dpdv = Vec3(dpdv);
+    if (with_tangents) {
+      s.dpdu = Vec3(dpdu);
+      s.dpdv = Vec3(dpdv);
+    }
   } else {
     const auto& q = std::get<Quadric>(shape.geometry);
     DVec3 o = ray.o, d = ray.d;
@@ -78,8 +81,10 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray) const {
     p = transform_point(q.render_from_object, point.p);
     ng = glm::normalize(transform_normal(q.object_from_render, outward(q, point.p)));
     if (shape.flip) ng = -ng;
-    s.dpdu = Vec3(transform_vector(q.render_from_object, point.dpdu));
-    s.dpdv = Vec3(transform_vector(q.render_from_object, point.dpdv));
+    if (with_tangents) {
+      s.dpdu = Vec3(transform_vector(q.render_from_object, point.dpdu));
+      s.dpdv = Vec3(transform_vector(q.render_from_object, point.dpdv));
+    }
     s.uv = Vec2(point.uv);
   }
   if (!(glm::dot(ns, ns) > 0)) ns = ng;
@@ -89,8 +94,10 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray) const {
     p = transform_point(m, p);
     ng = glm::normalize(transform_normal(inverse, ng));
     ns = transform_normal(inverse, ns);
-    s.dpdu = Vec3(transform_vector(m, s.dpdu));
-    s.dpdv = Vec3(transform_vector(m, s.dpdv));
+    if (with_tangents) {
+      s.dpdu = Vec3(transform_vector(m, s.dpdu));
+      s.dpdv = Vec3(transform_vector(m, s.dpdv));
+    }
   }
   s.p = Vec3(p);
   // Embree takes a ray to an object in float.

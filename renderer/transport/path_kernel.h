@@ -99,6 +99,7 @@ class PathKernel {
   }
 
  private:
+  using Tangents = Geometry::Tangents;
   static constexpr uint32_t kMedia = kHomogeneousMedia | kHeterogeneousMedia;
   /// Surfaces that let something pass, without which it does not matter what coincides.
   static constexpr uint32_t kTouching = kPassableSurfaces | kGeneralSurfaces;
@@ -191,7 +192,7 @@ class PathKernel {
 
   /// Meets the nearest hit, or of those that coincide with it the one that comes first. False ends the path.
   bool arrive(const Hit& hit) {
-    const SurfacePoint s = world_.geometry.surface(hit, ray_);
+    const SurfacePoint s = world_.geometry.surface(hit, ray_, uses(kGeneralSurfaces) ? Tangents::kWanted : Tangents::kNotWanted);
     if (!uses(kTouching) || !may_coincide(world_, ray_, hit, s.p)) return meet_surface(hit, s, kNone);
     here_.emplace(world_, ray_, hit);
     if (here_->overflowed()) {
@@ -248,7 +249,7 @@ class PathKernel {
   /// `Model` is Bsdf, or DiffuseBsdf where nothing else is there. A transmission crosses the member `joined`, too.
   template <typename Model>
   bool scatter_at_surface(const SurfacePoint& s, const SurfaceInfo& info, const Model& bsdf, Vec3 ns, int member, int joined) {
-    const Frame frame = shading_frame(ns, s.dpdu);
+    const Frame frame = uses(kGeneralSurfaces) ? shading_frame(ns, s.dpdu) : Frame::from_normal(ns);
     const Vec3 wo = frame.to_local(-ray_.d);
     if (!first_seen_) see_first(albedo(bsdf, wo), ns);
     if (!may_scatter()) return false;

@@ -126,7 +126,7 @@ Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, Target
     const auto is_end = [&](const Hit& h) { return arrives && h.shape == target.shape && h.primitive == target.primitive; };
     const SurfaceInfo& info = surface_of(world, hit->shape);
     if (!info.passes_shadows && !info.has_company() && !is_end(*hit)) return {};
-    const SurfacePoint s = world.geometry.surface(*hit, ray);
+    const SurfacePoint s = world.geometry.surface(*hit, ray, Geometry::Tangents::kNotWanted);
     int behind = medium;
     Vec3 next_origin;
     bool ends = false;

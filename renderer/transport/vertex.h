@@ -27,7 +27,7 @@ inline Vec3 point_before(const World& world, const Ray& ray, float t, const std:
   if (!hit) return p;
   constexpr double kNear = 1e-3;  // farther away rounding matters only to rays that graze at less than 1e-4
   if (hit->t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit->t)) return p;
-  const SurfacePoint s = world.geometry.surface(*hit, ray);
+  const SurfacePoint s = world.geometry.surface(*hit, ray, Geometry::Tangents::kNotWanted);
   const Vec3 towards_us = glm::dot(ray.d, s.ng) < 0 ? s.ng : -s.ng;
   if (may_touch && may_coincide(world, ray, *hit, s.p)) return Junction(world, ray, *hit).origin(p, -ray.d);
   if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;

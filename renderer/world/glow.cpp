@@ -28,7 +28,7 @@ void for_each_place(const World& world, Ray ray, Use&& use) {
     const auto hit = world.geometry.intersect(ray, kInf);
     if (!hit) return;
     if (medium != kNone && world.media[medium].scatters()) use(Place{ray.at(static_cast<float>(hit->t / 2)), std::nullopt});
-    const SurfacePoint s = world.geometry.surface(*hit, ray);
+    const SurfacePoint s = world.geometry.surface(*hit, ray, Geometry::Tangents::kNotWanted);
     const SurfaceInfo& info = world.surfaces[static_cast<size_t>(hit->shape)];
     if (!info.is_interface) return use(Place{s.p, glm::dot(s.ng, ray.d) < 0 ? s.ng : -s.ng});
     medium = world.medium_after(info, s.ng, ray.d, medium);
