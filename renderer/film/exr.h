@@ -7,18 +7,22 @@
 //   count                samples; 0 = missing       albedo.R .G .B, normal.X .Y .Z, depth.Z   as the AOV set says
 //
 // A dyadic range makes one part, which is both picture and node. Any other range makes a part 0 that is the fold (what
-// a viewer shows), followed by one part a dyadic node in the order of the indices. The data window is the rectangle, the
+// a viewer shows), followed by one part a dyadic node in the order of the indices. A frame whose blocks hold different
+// numbers of samples says so in "woodcock:map" (see sample_map.h): its parts are the fold of each pixel's own nodes, and one
+// part for each node that some block holds; pixels of the other blocks have count 0 there. The data window is the rectangle, the
 // display window the full image. Part 0 carries the header as string attributes "woodcock:KEY", every part its range as
 // "woodcock:node". Compression is zip (lossless). Equal content makes equal bytes: no date, host or program is written.
 #pragma once
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "renderer/film/sample_map.h"
 #include "renderer/film/tile.h"
 
 namespace woodcock {
@@ -27,10 +31,14 @@ namespace woodcock {
 struct NodeFileInfo {
   FrameHeader header;
   PixelRect rect;
-  SampleRange samples;
-  std::vector<SampleRange> nodes;  ///< dyadic_nodes(samples)
-  int64_t missing_pixels = 0;      ///< pixels of `rect` that miss a sample of `samples`
+  SampleRange samples;             ///< with a map: [0, its largest count)
+  std::optional<SampleMap> map;    ///< of `rect`; only where blocks hold different numbers of samples
+  std::vector<SampleRange> nodes;  ///< dyadic_nodes(samples), or map_nodes(*map)
+  int64_t missing_pixels = 0;      ///< pixels of `rect` that miss a sample of `samples`, or of what the map says
   std::vector<Gap> gaps;           ///< which; at most kMaxListedGaps of them are written
+
+  /// How many samples the pixels of block `i` of the rectangle's grid hold.
+  int64_t count_of_block(size_t i) const { return map ? map->counts[i] : samples.size(); }
 };
 
 inline constexpr size_t kMaxListedGaps = 1000;
@@ -79,10 +87,10 @@ class ExrReader {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Writes a node file by rows: first all rows of the fold if the range is not dyadic, then all rows of each node in order.
+/// Writes a node file by rows: first all rows of the fold if there are several nodes, then all rows of each node in order.
 class ExrWriter {
  public:
-  /// `info.nodes` is ignored: it follows from the range.
+  /// `info.nodes` is ignored: it follows from range and map.
   ExrWriter(const std::filesystem::path& path, const NodeFileInfo& info);
   ~ExrWriter();
 

@@ -19,7 +19,7 @@ constexpr uint32_t kTiledFlag = 0x200, kDeepFlag = 0x800, kMultiPartFlag = 0x100
 constexpr uint8_t kZipCompression = 3;
 constexpr int32_t kFloatChannel = 2;
 constexpr int kRowsPerChunk = 16;
-constexpr size_t kMaxParts = 125, kMaxAttributes = 500, kMaxChannels = 64;
+constexpr size_t kMaxAttributes = 500, kMaxChannels = 64;
 /// Deflate makes data at most 1032 times smaller.
 constexpr uint64_t kMaxCompression = 1040;
 

@@ -127,6 +127,16 @@ PixelRect window(const OIIO::ImageSpec& spec) {
   return make_rect(spec.x, spec.y, x1, y1).value_or(PixelRect{});
 }
 
+void check_map(const NodeFileInfo& info, std::string_view name) {
+  const SampleMap& map = *info.map;
+  if (!(map.rect == info.rect) || map.counts.size() != map.grid().size()) refuse(name, "its sample map is not one of its pixels");
+  if (std::any_of(map.counts.begin(), map.counts.end(), [](int64_t n) { return n < 0 || n > kMaxMapSamples; }))
+    refuse(name, fmt::format("a count of its sample map is outside 0 to {}", kMaxMapSamples));
+  if (map.uniform()) refuse(name, "its sample map has one count only, where a range says the same");
+  if (!(info.samples == SampleRange{0, map.largest()})) refuse(name, "its samples are not those of its sample map");
+  if (info.nodes.size() >= kMaxParts) refuse(name, "its sample map has more different counts than a file has parts");
+}
+
 }  // namespace
 
 std::vector<Channel> channels(AovSet aovs) {
@@ -146,6 +156,8 @@ std::vector<Channel> channels(AovSet aovs) {
   return list;
 }
 
+std::vector<SampleRange> nodes_of(const NodeFileInfo& info) { return info.map ? map_nodes(*info.map) : dyadic_nodes(info.samples); }
+
 size_t part_count(const NodeFileInfo& info) { return has_fold(info) ? info.nodes.size() + 1 : info.nodes.size(); }
 
 void check_info(const NodeFileInfo& info, std::string_view name) {
@@ -156,6 +168,7 @@ void check_info(const NodeFileInfo& info, std::string_view name) {
   if (header.bounds.empty() || !full.contains(header.bounds)) refuse(name, "the frame's bounds are not inside its resolution");
   if (info.rect.empty() || !header.bounds.contains(info.rect)) refuse(name, "its pixels are not inside the frame's bounds");
   if (info.rect.area() > kMaxPixels) refuse(name, fmt::format("{} pixels are more than the {} allowed", info.rect.area(), kMaxPixels));
+  if (info.map) check_map(info, name);
   if (info.nodes.empty()) refuse(name, fmt::format("the sample range {} makes no sense", range_text(info.samples)));
   if (info.missing_pixels < 0 || info.missing_pixels > info.rect.area()) refuse(name, "the number of missing pixels makes no sense");
   for (const Gap& gap : info.gaps)
@@ -197,6 +210,7 @@ OIIO::ImageSpec part_spec(const NodeFileInfo& info, size_t index) {
   if (index != 0) return spec;
   put("format", std::string(kFormat));
   put("samples", range_text(info.samples));
+  if (info.map) put("map", to_text(info.map->counts));
   for (const auto& [key, value] : header_fields(info.header)) put(key, value);
   put("setting_order", order_text(info.header));
   if (info.missing_pixels > 0) {
@@ -216,7 +230,13 @@ NodeFileInfo parse_info(const OIIO::ImageSpec& spec, std::string_view name) {
   const auto samples = parse_range(fields.get("samples"));
   if (!samples) fields.malformed("samples");
   info.samples = *samples;
-  info.nodes = dyadic_nodes(info.samples);
+  if (const auto map = fields.find("map")) {
+    if (info.rect.empty() || info.rect.area() > kMaxPixels) refuse(name, "has a sample map of an impossible size");
+    auto counts = parse_counts(*map, BlockGrid{info.rect}.size());
+    if (!counts) fields.malformed("map");
+    info.map = SampleMap{info.rect, std::move(*counts)};
+  }
+  info.nodes = nodes_of(info);
 
   FrameHeader& header = info.header;
   header.scene_digest = fields.get("scene_digest");

@@ -14,6 +14,7 @@ namespace woodcock::exr {
 /// Files that claim more are refused.
 inline constexpr int kMaxSide = 65536;
 inline constexpr int64_t kMaxPixels = int64_t{1} << 28;
+inline constexpr size_t kMaxParts = 125;
 
 /// A channel and the place of its float in PixelStats.
 struct Channel {
@@ -23,6 +24,9 @@ struct Channel {
 
 /// The channels of a file with these AOVs.
 std::vector<Channel> channels(AovSet aovs);
+
+/// The nodes that follow from range or map.
+std::vector<SampleRange> nodes_of(const NodeFileInfo& info);
 
 /// How many parts the file has, and which range part `index` holds (the whole range: the fold).
 size_t part_count(const NodeFileInfo& info);

@@ -74,13 +74,24 @@ struct ExrReader::Impl {
     part = index;
   }
 
-  std::vector<PixelStats> rows(size_t index, float expected_count, int y0, int y1) {
+  /// The count that each block's pixels have in the fold, or in a node; one for all where there is no map.
+  std::vector<float> expected_counts(std::optional<SampleRange> node) const {
+    std::vector<float> counts;
+    for (size_t i = 0; i < (info.map ? info.map->counts.size() : 1); ++i) {
+      const int64_t all = info.count_of_block(i);
+      counts.push_back(static_cast<float>(!node ? all : !info.map || holds_node(all, *node) ? node->size() : 0));
+    }
+    return counts;
+  }
+
+  std::vector<PixelStats> rows(size_t index, std::optional<SampleRange> node, int y0, int y1) {
     if (y0 < info.rect.y0 || y1 > info.rect.y1 || y0 >= y1) refuse(fmt::format("it has no rows {} to {}", y0, y1));
     select(static_cast<int>(index));
     const auto width = static_cast<size_t>(info.rect.width());
     std::vector<PixelStats> pixels(width * static_cast<size_t>(y1 - y0));
     // 16 rows are one compressed block.
     constexpr int kRowsAtOnce = 64;
+    const std::vector<float> expected = expected_counts(node);
     std::vector<float> block;
     for (int y = y0; y < y1; y += kRowsAtOnce) {
       const int end = std::min(y1, y + kRowsAtOnce);
@@ -88,20 +99,21 @@ struct ExrReader::Impl {
       block.resize(count * sources.size());
       if (!input->read_scanlines(static_cast<int>(index), 0, y, end, 0, 0, static_cast<int>(sources.size()), OIIO::TypeFloat, block.data()))
         refuse(fmt::format("rows {} to {} of part {} cannot be read: {}", y, end, index, input->geterror()));
-      unpack(block, {pixels.data() + first, count}, expected_count, y);
+      unpack(block, {pixels.data() + first, count}, expected, y);
     }
     return pixels;
   }
 
-  void unpack(const std::vector<float>& block, std::span<PixelStats> pixels, float expected_count, int y) const {
+  void unpack(const std::vector<float>& block, std::span<PixelStats> pixels, const std::vector<float>& expected, int y) const {
     const size_t width = static_cast<size_t>(info.rect.width());
+    const BlockGrid grid{info.rect};
     const float* in = block.data();
     for (size_t i = 0; i < pixels.size(); ++i, in += sources.size()) {
       float* out = reinterpret_cast<float*>(&pixels[i]);
       for (size_t c = 0; c < sources.size(); ++c) out[channels[c].offset] = in[sources[c]];
-      if (const char* flaw = find_flaw(pixels[i], expected_count))
-        refuse(fmt::format("pixel ({}, {}) of part {}: {}", info.rect.x0 + static_cast<int>(i % width), y + static_cast<int>(i / width),
-                           part, flaw));
+      const int px = info.rect.x0 + static_cast<int>(i % width), py = y + static_cast<int>(i / width);
+      if (const char* flaw = find_flaw(pixels[i], info.map ? expected[grid.index(px, py)] : expected[0]))
+        refuse(fmt::format("pixel ({}, {}) of part {}: {}", px, py, part, flaw));
     }
   }
 
@@ -116,7 +128,7 @@ struct ExrReader::Impl {
     if (!finite) return "a number is not finite";
     if (pixel.missing()) {
       if (!zero) return "it has no samples and yet a value";
-      return info.missing_pixels == 0 ? "it has no samples, in a file that lists no gaps" : nullptr;
+      return expected_count > 0 && info.missing_pixels == 0 ? "it has no samples, in a file that lists no gaps" : nullptr;
     }
     if (pixel.count != expected_count) return "its number of samples is not that of its node";
     if (pixel.deviation.r < 0 || pixel.deviation.g < 0 || pixel.deviation.b < 0 || pixel.largest < 0)
@@ -147,12 +159,10 @@ const NodeFileInfo& ExrReader::info() const { return impl_->info; }
 std::vector<PixelStats> ExrReader::node_rows(size_t index, int y0, int y1) {
   const NodeFileInfo& info = impl_->info;
   if (index >= info.nodes.size()) impl_->refuse(fmt::format("it has no node {}", index));
-  return impl_->rows(exr::has_fold(info) ? index + 1 : index, static_cast<float>(info.nodes[index].size()), y0, y1);
+  return impl_->rows(exr::has_fold(info) ? index + 1 : index, info.nodes[index], y0, y1);
 }
 
-std::vector<PixelStats> ExrReader::beauty_rows(int y0, int y1) {
-  return impl_->rows(0, static_cast<float>(impl_->info.samples.size()), y0, y1);
-}
+std::vector<PixelStats> ExrReader::beauty_rows(int y0, int y1) { return impl_->rows(0, std::nullopt, y0, y1); }
 
 namespace {
 

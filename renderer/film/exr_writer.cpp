@@ -159,7 +159,7 @@ struct ExrWriter::Impl {
   PartWriter writer;
 
   static NodeFileInfo with_nodes(NodeFileInfo info) {
-    info.nodes = dyadic_nodes(info.samples);
+    info.nodes = exr::nodes_of(info);
     return info;
   }
   Impl(const std::filesystem::path& path, const NodeFileInfo& info)

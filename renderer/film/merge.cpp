@@ -62,7 +62,7 @@ class TileCache {
   size_t bytes_ = 0;
 };
 
-/// Puts the rows of one band together.
+/// Puts the pixels of one rectangle together: a band of rows, or the part of it whose pixels hold the same nodes.
 class Band {
  public:
   Band(std::span<const MergeInput> inputs, std::span<const size_t> members, PixelRect rows, TileCache& cache)
@@ -72,7 +72,7 @@ class Band {
   std::vector<PixelStats> node(SampleRange range) {
     std::vector<size_t> inside;
     for (const size_t i : members_)
-      if (range.contains(inputs_[i].range)) inside.push_back(i);
+      if (range.contains(inputs_[i].range) && inputs_[i].rect.overlaps(rows_)) inside.push_back(i);
     std::vector<PixelStats> pixels = assemble(range, inside);
     pixels.resize(static_cast<size_t>(rows_.area()));
     return pixels;
@@ -116,10 +116,10 @@ class Band {
 
   void copy(const Tile& tile, std::vector<PixelStats>& pixels) const {
     const int y0 = std::max(tile.rect.y0, rows_.y0), y1 = std::min(tile.rect.y1, rows_.y1);
+    const int x0 = std::max(tile.rect.x0, rows_.x0), x1 = std::min(tile.rect.x1, rows_.x1);
     for (int y = y0; y < y1; ++y) {
-      const size_t to =
-          static_cast<size_t>(y - rows_.y0) * static_cast<size_t>(rows_.width()) + static_cast<size_t>(tile.rect.x0 - rows_.x0);
-      std::copy_n(&tile.at(tile.rect.x0, y), tile.rect.width(), pixels.data() + to);
+      const size_t to = static_cast<size_t>(y - rows_.y0) * static_cast<size_t>(rows_.width()) + static_cast<size_t>(x0 - rows_.x0);
+      std::copy_n(&tile.at(x0, y), x1 - x0, pixels.data() + to);
     }
   }
 
@@ -128,6 +128,22 @@ class Band {
   PixelRect rows_;
   TileCache& cache_;
 };
+
+/// The rows of one node of the frame, or of its fold. `pixels_of(part, nodes)` makes a part whose pixels hold `nodes`; the rest
+/// has no samples.
+template <typename PixelsOf>
+std::vector<PixelStats> band_of(const NodeFileInfo& info, std::optional<SampleRange> node, PixelRect rows, PixelsOf&& pixels_of) {
+  if (!info.map) return pixels_of(rows, info.nodes);
+  std::vector<PixelStats> band(static_cast<size_t>(rows.area()));
+  for (const MapCell& cell : map_cells(*info.map, rows)) {
+    if (cell.count == 0 || (node && !holds_node(cell.count, *node))) continue;
+    const std::vector<PixelStats> pixels = pixels_of(cell.rect, dyadic_nodes({0, cell.count}));
+    for (int y = cell.rect.y0; y < cell.rect.y1; ++y)
+      std::copy_n(pixels.begin() + static_cast<ptrdiff_t>(y - cell.rect.y0) * cell.rect.width(), cell.rect.width(),
+                  band.begin() + static_cast<ptrdiff_t>(y - rows.y0) * rows.width() + (cell.rect.x0 - rows.x0));
+  }
+  return band;
+}
 
 /// As many rows as the band's memory allows: one buffer for each level between the smallest tile and its node, one for
 /// the fold and one to spare.
@@ -154,17 +170,20 @@ NodeFileInfo merge_tiles(std::span<const MergeInput> inputs, const TileLoader& l
 
   ExrWriter writer(out, info);
   TileCache cache(inputs, load);
-  const auto write_part = [&](auto&& pixels_of) {
+  // One node, or the fold where none is named.
+  const auto write_part = [&](std::optional<SampleRange> node) {
     for (size_t b = 0; b < of_band.size(); ++b) {
       const int y0 = rect.y0 + static_cast<int>(b) * rows, y1 = std::min(rect.y1, y0 + rows);
-      Band band(inputs, of_band[b], {rect.x0, y0, rect.x1, y1}, cache);
-      writer.write_rows(pixels_of(band));
+      writer.write_rows(band_of(info, node, {rect.x0, y0, rect.x1, y1}, [&](PixelRect part, std::span<const SampleRange> nodes) {
+        Band band(inputs, of_band[b], part, cache);
+        return node ? band.node(*node) : band.fold_of(nodes);
+      }));
       cache.drop_above(y1);
     }
     cache.clear();
   };
-  if (info.nodes.size() > 1) write_part([&](Band& band) { return band.fold_of(info.nodes); });
-  for (const SampleRange node : info.nodes) write_part([&](Band& band) { return band.node(node); });
+  if (info.nodes.size() > 1) write_part(std::nullopt);
+  for (const SampleRange node : info.nodes) write_part(node);
   writer.commit();
   return info;
 }

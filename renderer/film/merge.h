@@ -31,6 +31,8 @@ struct MergeInput {
 struct MergeTarget {
   std::optional<PixelRect> rect;
   std::optional<SampleRange> samples;
+  /// How many samples each block holds, instead of `rect` and `samples`; a block of 0 has none and is no gap.
+  std::optional<SampleMap> map;
 };
 
 /// Loads tile `index` of the inputs. It may be called more than once for one tile and is called from one thread.
@@ -47,7 +49,8 @@ NodeFileInfo merge_tiles(std::span<const MergeInput> inputs, const TileLoader& l
                          const MergeTarget& target = {});
 
 /// The same for node files: tiles, or earlier frames with several nodes. A file with gaps is refused: merge the tiles
-/// it was made of instead.
+/// it was made of instead. Where a file has a sample map and the target none, each block gets the samples up to the largest index
+/// that any file has there.
 NodeFileInfo merge_files(std::span<const std::filesystem::path> files, const std::filesystem::path& out, const MergeTarget& target = {});
 
 }  // namespace woodcock

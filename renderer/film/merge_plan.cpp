@@ -143,6 +143,18 @@ class BandGaps {
   std::vector<bool> holes_;
 };
 
+/// The pixels of a band that hold a node of the frame.
+std::vector<bool> pixels_of_node(const NodeFileInfo& info, PixelRect band, SampleRange node) {
+  std::vector<bool> pixels(static_cast<size_t>(band.area()), !info.map);
+  if (!info.map) return pixels;
+  for (const MapCell& cell : map_cells(*info.map, band)) {
+    if (!holds_node(cell.count, node)) continue;
+    for (int y = cell.rect.y0; y < cell.rect.y1; ++y)
+      std::fill_n(pixels.begin() + static_cast<ptrdiff_t>(y - band.y0) * band.width() + (cell.rect.x0 - band.x0), cell.rect.width(), true);
+  }
+  return pixels;
+}
+
 void find_gaps(std::span<const MergeInput> inputs, NodeFileInfo& info) {
   const PixelRect rect = info.rect;
   std::vector<std::vector<size_t>> of_band(static_cast<size_t>((rect.height() + kBlock - 1) / kBlock));
@@ -158,7 +170,7 @@ void find_gaps(std::span<const MergeInput> inputs, NodeFileInfo& info) {
       std::vector<size_t> members;
       for (const size_t i : of_band[b])
         if (node.contains(inputs[i].range)) members.push_back(i);
-      finder.visit(node, members, std::vector<bool>(static_cast<size_t>(band.area()), true));
+      finder.visit(node, members, pixels_of_node(info, band, node));
     }
     info.missing_pixels += finder.holes();
   }
@@ -176,12 +188,18 @@ NodeFileInfo plan_merge(std::span<const MergeInput> inputs, const MergeTarget& t
   check_headers(inputs);
   NodeFileInfo info;
   info.header = *inputs[0].header;
-  info.rect = target.rect.value_or(info.header.bounds);
-  info.samples = inputs[0].range;
-  for (const MergeInput& input : inputs)
-    info.samples = {std::min(info.samples.begin, input.range.begin), std::max(info.samples.end, input.range.end)};
-  if (target.samples) info.samples = *target.samples;
-  info.nodes = dyadic_nodes(info.samples);
+  if (target.map) {
+    info.rect = target.map->rect;
+    info.samples = {0, target.map->largest()};
+    if (!target.map->uniform()) info.map = target.map;
+  } else {
+    info.rect = target.rect.value_or(info.header.bounds);
+    info.samples = inputs[0].range;
+    for (const MergeInput& input : inputs)
+      info.samples = {std::min(info.samples.begin, input.range.begin), std::max(info.samples.end, input.range.end)};
+    if (target.samples) info.samples = *target.samples;
+  }
+  info.nodes = exr::nodes_of(info);
   exr::check_info(info, "the merged frame");
   for (const MergeInput& input : inputs) {
     if (!info.rect.contains(input.rect))
@@ -190,6 +208,11 @@ NodeFileInfo plan_merge(std::span<const MergeInput> inputs, const MergeTarget& t
     if (!info.samples.contains(input.range))
       throw FilmError(input.name,
                       fmt::format("cannot be merged: its samples {} are outside the frame's {}", text(input.range), text(info.samples)));
+    if (!info.map) continue;
+    for (const MapCell& cell : map_cells(*info.map, input.rect))
+      if (cell.count < input.range.end)
+        throw FilmError(input.name, fmt::format("cannot be merged: it has samples {} where the map asks for {} only, at pixels {}",
+                                                text(input.range), cell.count, text(cell.rect)));
   }
   std::vector<std::vector<size_t>> blocks;
   for_each_block(inputs, info.rect, [&](size_t block, size_t i) {

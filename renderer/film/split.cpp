@@ -4,6 +4,13 @@
 
 namespace woodcock {
 
+Tile cut(const Tile& tile, PixelRect rect) {
+  Tile part{rect, tile.range, {}};
+  part.pixels.reserve(static_cast<size_t>(rect.area()));
+  for (int y = rect.y0; y < rect.y1; ++y) part.pixels.insert(part.pixels.end(), &tile.at(rect.x0, y), &tile.at(rect.x0, y) + rect.width());
+  return part;
+}
+
 std::vector<PixelRect> tile_grid(PixelRect bounds, int tile_size) {
   std::vector<PixelRect> tiles;
   for (int y = bounds.y0 / tile_size * tile_size; y < bounds.y1; y += tile_size)
