@@ -32,6 +32,22 @@ void report_health(const PathCounters& counters, const std::string& repeat) {
   for (const std::string& line : health_warnings(counters, repeat)) fmt::print(stderr, "warning: {}\n", line);
 }
 
+nlohmann::json counters_json(const PathCounters& c) {
+  return {{"paths", c.paths},
+          {"vertices", c.vertices},
+          {"rays", c.rays},
+          {"shadow_rays", c.shadow_rays},
+          {"medium_lookups", c.medium_lookups},
+          {"emission_lookups", c.emission_lookups},
+          {"channel_draws", c.channel_draws},
+          {"nonfinite_samples", c.nonfinite},
+          {"nan_radiance", c.nan_radiance},
+          {"infinite_radiance", c.infinite_radiance},
+          {"clamped_samples", c.clamped},
+          {"majorant_violations", c.majorant_violations},
+          {"truncated_paths", c.truncated}};
+}
+
 std::string format_bias(const std::string& estimator) {
   const EstimatorInfo* info = find_estimator(estimator);
   if (info == nullptr || !info->biased()) return {};

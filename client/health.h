@@ -1,6 +1,7 @@
 // Warnings about what a render counted: the same words for `render`, `submit`, `watch`, `show` and `fetch`.
 #pragma once
 
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,9 @@ std::vector<std::string> health_warnings(const PathCounters& counters, const std
 
 /// These sentences on standard error.
 void report_health(const PathCounters& counters, const std::string& repeat = {});
+
+/// All counters by name.
+nlohmann::json counters_json(const PathCounters& counters);
 
 /// A line that says by what an estimator is biased, ending in a newline; empty for one that is not, or is not known here.
 std::string format_bias(const std::string& estimator);

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "client/adaptive_render.h"
 #include "client/commands.h"
 #include "client/frame_options.h"
 #include "client/health.h"
@@ -28,6 +29,7 @@ struct RenderOptions {
   std::string scene;
   std::string output;
   FrameSettings settings;
+  TargetOptions target;
   std::string samples;
   int threads = 0;
   int tile = 32;
@@ -59,22 +61,6 @@ std::vector<Tile> earlier_nodes(const fs::path& path, const FrameHeader& header)
   return std::move(file.nodes);
 }
 
-nlohmann::json counters_json(const PathCounters& c) {
-  return {{"paths", c.paths},
-          {"vertices", c.vertices},
-          {"rays", c.rays},
-          {"shadow_rays", c.shadow_rays},
-          {"medium_lookups", c.medium_lookups},
-          {"emission_lookups", c.emission_lookups},
-          {"channel_draws", c.channel_draws},
-          {"nonfinite_samples", c.nonfinite},
-          {"nan_radiance", c.nan_radiance},
-          {"infinite_radiance", c.infinite_radiance},
-          {"clamped_samples", c.clamped},
-          {"majorant_violations", c.majorant_violations},
-          {"truncated_paths", c.truncated}};
-}
-
 int run(const RenderOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   const auto seconds = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); };
@@ -86,6 +72,10 @@ int run(const RenderOptions& options) {
   const FrameRenderer frame(options.scene, options.settings, read);
   const fs::path output = output_path(options.output, frame.description().film.file_name, options.resume);
   const double load_seconds = seconds();
+  const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  const std::string repeat = fmt::format("woodcock render '{}'{} -o sample.exr", options.scene, options_of(options.settings));
+  if (options.target.adaptive())
+    return run_adaptive(frame, options.target, {output, options.tile, threads, options.resume, options.json, load_seconds, repeat});
 
   SampleRange samples{0, frame.samples()};
   if (!options.samples.empty()) samples = parse_samples(options.samples);
@@ -100,7 +90,6 @@ int run(const RenderOptions& options) {
       samples.begin = std::min(earlier.back().range.end, samples.end);
     }
   }
-  const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
 
   RenderProgress progress;
   ProgressLine line("rendering", options.json);
@@ -143,7 +132,7 @@ int run(const RenderOptions& options) {
     fmt::print("{}: the same picture to look at\n", png.string());
     fmt::print("{}{}{}", format_error(error), format_bias(options.settings.estimator), format_price(error, seconds_per_sample));
   }
-  report_health(progress.counters, fmt::format("woodcock render '{}'{} -o sample.exr", options.scene, options_of(options.settings)));
+  report_health(progress.counters, repeat);
   if (!result.complete) {
     if (error.missing_pixels > 0) {
       fmt::print(stderr, "interrupted in the first pass: {} misses {} pixels (count 0) and cannot be resumed\n", output.string(),
@@ -164,6 +153,8 @@ void add_render_command(CLI::App& app, int& code) {
   command->add_option("scene", options->scene, "Scene file in pbrt-v4 format")->required();
   command->add_option("-o,--output", options->output, "EXR to write; without it the scene's own file name, which must not exist yet");
   add_frame_options(*command, options->settings);
+  add_target_options(*command, options->target);
+  add_local_target_options(*command, options->target);
   command->add_option("--samples", options->samples, "Render only the sample indices A:B, to be put together with `woodcock merge`");
   command->add_option("--threads", options->threads, "Threads (default: one for each processor)")->check(CLI::Range(1, 1024));
   command->add_option("--tile", options->tile, "Edge of the tiles in pixels; never changes a bit of the picture")
@@ -176,8 +167,14 @@ void add_render_command(CLI::App& app, int& code) {
       "Examples:\n"
       "  woodcock render scenes/cloud.pbrt -o cloud.exr --spp 64\n"
       "  woodcock render scenes/cloud.pbrt -o cloud.exr --spp 256 --resume     only the other 192\n"
+      "  woodcock render scenes/cloud.pbrt -o cloud.exr --target-error 2% --max-time 5min\n"
       "Ctrl-C leaves a valid picture of the samples that are finished (exit code 3).");
-  command->callback([options, &code] { code = run(*options); });
+  command->callback([options, &code] {
+    settle_targets(options->target, options->settings);
+    if (options->target.adaptive() && !options->samples.empty())
+      throw CLI::ValidationError("--samples", "a target decides which samples are rendered: leave --samples out");
+    code = run(*options);
+  });
 }
 
 }  // namespace woodcock

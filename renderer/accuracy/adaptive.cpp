@@ -14,22 +14,6 @@ namespace {
 /// Without a target each pass aims at E² divided by this.
 constexpr double kUntargetedStep = 1.5;
 
-/// The weights of pixels that hold [0, count), kept for the pixels that follow.
-class WeightsOfCount {
- public:
-  const FoldWeights& get(float count) {
-    if (count != count_) {
-      count_ = count;
-      weights_ = FoldWeights(SampleRange{0, static_cast<int64_t>(count)});
-    }
-    return weights_;
-  }
-
- private:
-  float count_ = 0;
-  FoldWeights weights_;
-};
-
 /// Calls f(block, pixel) for every pixel that holds samples.
 template <typename F>
 void for_each_pixel(BlockGrid grid, const VisitRows& visit, F&& f) {
@@ -131,11 +115,11 @@ std::vector<BlockStatistics> block_statistics(const SampleMap& map, const VisitR
     pixels += static_cast<double>(block.pixels);
   }
   const double floor = pixels > 0 ? 0.01 * (mean / pixels) : 0;
-  WeightsOfCount weights;
+  PixelWeights weights = PixelWeights::by_count();
   for_each_pixel(map.grid(), visit, [&](size_t b, const PixelStats& pixel) {
     const double value = static_cast<double>(film::sample_luminance(pixel.mean)), scale = value * value + floor * floor;
     // A black pixel of a black image has no error.
-    if (scale > 0) blocks[b].relative_square += variance_of_mean(pixel, weights.get(pixel.count)) / scale;
+    if (scale > 0) blocks[b].relative_square += variance_of_mean(pixel, weights.of(pixel)) / scale;
   });
   return blocks;
 }

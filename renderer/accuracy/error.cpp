@@ -45,12 +45,15 @@ double variance_between(const std::array<double, kReplicates>& replicate, const 
 }
 
 /// The error of every pixel against `image_mean`.
-void estimate_pixels(const VisitPixels& visit, const FoldWeights& weights, ErrorEstimate& error) {
-  const double floor = 0.01 * error.image_mean, pixels = static_cast<double>(error.pixels);
-  double variance = 0, relative = 0, relative_squares = 0, noise = 0, largest_absolute = 0, largest_relative = 0;
+void estimate_pixels(const VisitPixels& visit, PixelWeights& weights_of, ErrorEstimate& error) {
+  const double floor = 0.01 * error.image_mean;
+  double pixels = 0, variance = 0, relative = 0, relative_squares = 0, noise = 0, largest_absolute = 0, largest_relative = 0;
   visit([&](std::span<const PixelStats> piece) {
     for (const PixelStats& pixel : piece) {
       if (pixel.missing()) continue;
+      const FoldWeights& weights = weights_of.of(pixel);
+      if (degrees_of(weights) < 1) continue;  // one sample says nothing of its spread
+      ++pixels;
       const double v = variance_of_mean(pixel, weights), mean = mean_luminance(replicates_of(pixel), weights);
       const double scale = mean * mean + floor * floor;
       // A black pixel of a black image has no error.
@@ -70,7 +73,7 @@ void estimate_pixels(const VisitPixels& visit, const FoldWeights& weights, Error
   error.relative_mse = mse;
   error.standard_error = std::sqrt(variance / pixels);
   Estimate e{std::sqrt(mse), 0};
-  if (error.pixels > 1 && mse > 0) {
+  if (pixels > 1 && mse > 0) {
     const double scatter = std::max(0.0, relative_squares / pixels - mse * mse) / (pixels - 1);
     e.half_width = kNormal95 * std::sqrt(scatter) / (2 * e.value);  // dE = d(E²)/(2E)
   }
@@ -79,12 +82,13 @@ void estimate_pixels(const VisitPixels& visit, const FoldWeights& weights, Error
   error.one_sample_share = mse > 0 ? std::max(largest_absolute / variance, largest_relative / relative) : 0;
 }
 
-ErrorEstimate estimate(const VisitPixels& visit, SampleRange range) {
-  const FoldWeights weights(range);
+/// Replicate k of the whole image is the mean of the pixels' replicates; where pixels hold different numbers of samples its weight
+/// is the mean of theirs. Each such mean is unbiased, and from 32 samples on, where the schedule's counts are multiples of 8, the
+/// weights are exact.
+ErrorEstimate estimate(const VisitPixels& visit, PixelWeights weights_of) {
   ErrorEstimate error;
-  error.samples = range.size();
-  error.degrees = std::max(0, degrees_of(weights));
   std::array<double, kReplicates> replicate{};
+  FoldWeights sum;
   int64_t fireflies = 0;
   visit([&](std::span<const PixelStats> piece) {
     for (const PixelStats& pixel : piece) {
@@ -93,18 +97,25 @@ ErrorEstimate estimate(const VisitPixels& visit, SampleRange range) {
         continue;
       }
       ++error.pixels;
+      const FoldWeights& weights = weights_of.of(pixel);
+      sum.add(weights);
       for (size_t k = 0; k < kReplicates; ++k) replicate[k] += static_cast<double>(pixel.replicate[k]);
       const double total = std::abs(mean_luminance(replicates_of(pixel), weights)) * weights.samples;
       if (static_cast<double>(pixel.largest) > 0.1 * total) ++fireflies;
     }
   });
   if (error.pixels == 0) return error;
+  FoldWeights weights = sum;
+  weights.samples /= static_cast<double>(error.pixels);
+  for (double& n : weights.of_replicate) n /= static_cast<double>(error.pixels);
+  error.samples = std::llround(weights.samples);
+  error.degrees = std::max(0, degrees_of(weights));
   for (double& r : replicate) r /= static_cast<double>(error.pixels);
   error.image_mean = mean_luminance(replicate, weights);
   if (error.samples >= kFireflySamples) error.firefly_share = static_cast<double>(fireflies) / static_cast<double>(error.pixels);
   if (error.degrees < 1) return error;
   error.image_mean_half_width = student_quantile(0.5 + kConfidence / 2, error.degrees) * std::sqrt(variance_between(replicate, weights));
-  estimate_pixels(visit, weights, error);
+  estimate_pixels(visit, weights_of, error);
   return error;
 }
 
@@ -118,7 +129,7 @@ int64_t samples_for(int64_t samples, double error_factor) {
 }
 
 ErrorEstimate estimate_error(std::span<const PixelStats> picture, SampleRange range) {
-  return estimate([&](const auto& use) { use(picture); }, range);
+  return estimate([&](const auto& use) { use(picture); }, PixelWeights(range));
 }
 
 ErrorEstimate estimate_error(std::span<const Tile> nodes) {
@@ -140,7 +151,7 @@ ErrorEstimate estimate_error(std::span<const Tile> nodes) {
           use(piece);
         }
       },
-      {ranges.front().begin, ranges.back().end});
+      PixelWeights({ranges.front().begin, ranges.back().end}));
 }
 
 ErrorEstimate estimate_error(const std::filesystem::path& exr) {
@@ -151,7 +162,7 @@ ErrorEstimate estimate_error(const std::filesystem::path& exr) {
       [&](const auto& use) {
         for (int y = rect.y0; y < rect.y1; y += kRows) use(reader.beauty_rows(y, std::min(rect.y1, y + kRows)));
       },
-      reader.info().samples);
+      reader.info().map ? PixelWeights::by_count() : PixelWeights(reader.info().samples));
 }
 
 std::string format_error(const ErrorEstimate& error) {

@@ -29,7 +29,7 @@ struct Estimate {
 
 /// What is known about the error of a frame. Values that its samples do not support are absent.
 struct ErrorEstimate {
-  int64_t samples = 0;  ///< per pixel
+  int64_t samples = 0;  ///< per pixel; the rounded mean where blocks hold different numbers
   int64_t pixels = 0;   ///< with all their samples; the others are left out of every mean
   int64_t missing_pixels = 0;
   double image_mean = 0;  ///< mean over the pixels
@@ -56,6 +56,26 @@ inline constexpr int64_t kFireflySamples = 64;
 /// Var(x̄) of one pixel's luminance: Σ n_k (r_k − x̄)² / ((K − 1)·n) over the K ≤ 8 replicates that hold n_k > 0 samples of
 /// mean r_k; unbiased for independent replicates. `weights` as for the pixel's range, with two replicates at least.
 double variance_of_mean(const PixelStats& pixel, const FoldWeights& weights);
+
+/// The weights of each pixel of a picture: those of one range, or, in a frame with a sample map, of [0, the pixel's count).
+class PixelWeights {
+ public:
+  explicit PixelWeights(SampleRange range) : weights_(range) {}
+  static PixelWeights by_count() { return PixelWeights(); }
+
+  /// `pixel` must not be missing. Valid until the next call.
+  const FoldWeights& of(const PixelStats& pixel) {
+    if (by_count_ && static_cast<double>(pixel.count) != weights_.samples)
+      weights_ = FoldWeights(SampleRange{0, static_cast<int64_t>(pixel.count)});
+    return weights_;
+  }
+
+ private:
+  PixelWeights() : by_count_(true) {}
+
+  FoldWeights weights_;
+  bool by_count_ = false;
+};
 
 /// Samples per pixel that reach `error_factor` (½, ¼, …) of the present error: error² falls as 1/samples.
 int64_t samples_for(int64_t samples, double error_factor);

@@ -11,6 +11,19 @@ Tile cut(const Tile& tile, PixelRect rect) {
   return part;
 }
 
+void append_node(std::vector<Tile>& nodes, Tile node) {
+  while (!nodes.empty()) {
+    const Tile& left = nodes.back();
+    const SampleRange both{left.range.begin, node.range.end};
+    if (left.range.size() != node.range.size() || left.range.end != node.range.begin || !is_dyadic(both)) break;
+    const int level = dyadic_level(node.range);
+    for (size_t i = 0; i < node.pixels.size(); ++i) node.pixels[i] = merge(left.pixels[i], node.pixels[i], level);
+    node.range = both;
+    nodes.pop_back();
+  }
+  nodes.push_back(std::move(node));
+}
+
 std::vector<PixelRect> tile_grid(PixelRect bounds, int tile_size) {
   std::vector<PixelRect> tiles;
   for (int y = bounds.y0 / tile_size * tile_size; y < bounds.y1; y += tile_size)

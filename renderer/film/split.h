@@ -11,6 +11,9 @@ namespace woodcock {
 /// The part of a tile inside `rect`, which it contains.
 Tile cut(const Tile& tile, PixelRect rect);
 
+/// Puts the next node behind the others of one rectangle: siblings become their parent.
+void append_node(std::vector<Tile>& nodes, Tile node);
+
 /// The tiles of `bounds` on the grid of squares of `tile_size` pixels whose origin is pixel 0,0, row by row.
 std::vector<PixelRect> tile_grid(PixelRect bounds, int tile_size);
 
