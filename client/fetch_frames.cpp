@@ -1,4 +1,5 @@
 #include "client/fetch_frames.h"
+#include "client/convergence_table.h"
 
 #include <fmt/format.h>
 
@@ -9,7 +10,6 @@
 #include "client/health.h"
 #include "client/job_view.h"
 #include "client/output_path.h"
-#include "client/price.h"
 #include "renderer/accuracy/error.h"
 #include "renderer/film/png.h"
 #include "rpc/blob_transfer.h"
@@ -80,8 +80,8 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
     fmt::print("{}: the same picture to look at\n", png.string());
     const ErrorEstimate error = estimate_error(path);
     fmt::print("{}{}", format_error(error), format_bias(job.settings().estimator()));
-    if (complete && job.frame_count() == 1 && job.settings().samples() > 0)
-      fmt::print("{}", format_price(error, job.progress().worker_seconds() / static_cast<double>(job.settings().samples())));
+    if (complete && job.frame_count() == 1)
+      fmt::print("{}", format_convergence({{{error.samples, error, job.progress().worker_seconds()}}, 0}, 1));
   }
   if (fetched.frames.empty()) throw std::runtime_error(fmt::format("job {} has no frame {}", job.job_id(), options.frame.value_or(0)));
   if (!options.quiet && fetched.complete)

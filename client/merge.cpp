@@ -7,6 +7,7 @@
 
 #include "client/commands.h"
 #include "client/output_path.h"
+#include "renderer/accuracy/error_summary.h"
 #include "renderer/film/png.h"
 
 namespace woodcock {
@@ -21,7 +22,7 @@ struct MergeOptions {
 int run(const MergeOptions& options) {
   const std::filesystem::path output = output_path(options.output, "", false);
   const std::vector<std::filesystem::path> files(options.files.begin(), options.files.end());
-  const NodeFileInfo info = merge_files(files, output);
+  const NodeFileInfo info = merge_files(files, output, {}, &kErrorSummary);
   const std::filesystem::path png = std::filesystem::path(output).replace_extension(".png");
   write_png(output, png);
   if (options.json) {

@@ -8,14 +8,15 @@
 
 #include "client/adaptive_render.h"
 #include "client/commands.h"
+#include "client/convergence_table.h"
 #include "client/frame_options.h"
 #include "client/health.h"
 #include "client/interrupt.h"
 #include "client/local_render.h"
 #include "client/output_path.h"
-#include "client/price.h"
 #include "client/progress_line.h"
 #include "renderer/accuracy/error.h"
+#include "renderer/accuracy/error_summary.h"
 #include "renderer/film/exr.h"
 #include "renderer/film/png.h"
 #include "renderer/film/tile.h"
@@ -102,13 +103,19 @@ int run(const RenderOptions& options) {
   line.finish();
   const double render_seconds = seconds() - render_start;
 
-  write_exr(output, frame.header(), result.nodes);
+  write_exr(output, frame.header(), result.nodes, &kErrorSummary);
   const fs::path png = fs::path(output).replace_extension(".png");
   write_png(output, png);
 
   const FrameHeader& header = frame.header();
-  const ErrorEstimate error = estimate_error(output);
-  const double seconds_per_sample = render_seconds / static_cast<double>(std::max<int64_t>(1, result.samples.end - samples.begin));
+  const ErrorEstimate error = result.convergence.points.empty() ? estimate_error(output) : result.convergence.points.back().error;
+  const nlohmann::json convergence = convergence_json(result.convergence, threads);
+  write_sidecar(output, {{"picture", output.filename().string()},
+                         {"samples", {result.samples.begin, result.samples.end}},
+                         {"threads", threads},
+                         {"load_seconds", load_seconds},
+                         {"render_seconds", render_seconds},
+                         {"convergence", convergence}});
   if (options.json) {
     nlohmann::json accuracy = nlohmann::json::object();
     for (const auto& [key, value] : error_fields(error)) accuracy[key] = value;
@@ -122,6 +129,8 @@ int run(const RenderOptions& options) {
                      {"render_seconds", render_seconds},
                      {"pixel_digest", digest_of_pixels(header, result.nodes)},
                      {"error", accuracy},
+                     {"convergence", convergence},
+                     {"sidecar", sidecar_path(output).string()},
                      {"counters", counters_json(progress.counters)}};
     for (const auto& [key, value] : header.settings) j["settings"][key] = value;
     fmt::print("{}\n", j.dump(2));
@@ -130,7 +139,8 @@ int run(const RenderOptions& options) {
                result.samples.end, header.width, header.height, format_seconds(render_seconds),
                format_count(static_cast<double>(progress.samples) / std::max(1e-9, render_seconds)), threads);
     fmt::print("{}: the same picture to look at\n", png.string());
-    fmt::print("{}{}{}", format_error(error), format_bias(options.settings.estimator), format_price(error, seconds_per_sample));
+    fmt::print("{}{}{}", format_error(error), format_bias(options.settings.estimator), format_convergence(result.convergence, threads));
+    fmt::print("{}: errors and times\n", sidecar_path(output).string());
   }
   report_health(progress.counters, repeat);
   if (!result.complete) {

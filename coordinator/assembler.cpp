@@ -19,6 +19,7 @@
 #include <iostream>
 
 #include "renderer/accuracy/error.h"
+#include "renderer/accuracy/error_summary.h"
 #include "renderer/film/exr.h"
 #include "renderer/film/merge.h"
 #include "rpc/convert.h"
@@ -87,7 +88,7 @@ AssembleResult assemble(const AssembleRequest& request) {
   }
   if (!result.damaged.empty()) return result;
   try {
-    merge_files(tiles, request.output_path, {request.header.bounds, SampleRange{0, request.samples}});
+    merge_files(tiles, request.output_path, {request.header.bounds, SampleRange{0, request.samples}}, &kErrorSummary);
     result.statistics = statistics_of(request.output_path);
     result.ok = true;
   } catch (const std::exception& error) {

@@ -10,9 +10,9 @@ namespace woodcock {
 namespace {
 
 constexpr double kNormal95 = 1.959963984540054;
-constexpr double kLargestError = 0.7;
+constexpr double kLargestError = 0.5;
 constexpr double kLargestOneSampleShare = 0.25;
-constexpr double kLargestFireflyShare = 0.1;
+constexpr double kLargestFireflyShare = 0.25;
 
 /// g of the head of convergence.h.
 double chain(int64_t samples) {
@@ -20,7 +20,12 @@ double chain(int64_t samples) {
   return samples <= kReplicates ? std::sqrt(n - 1) : std::sqrt(kReplicates - 1.0) * n / kReplicates;
 }
 
-/// Relative standard deviation of the MSE: the noise of its estimate and the bias that noisy means in its denominator give it.
+double mse_of(const ErrorEstimate& error) {
+  const double unbiased = error.unbiased_relative_mse.value_or(0);
+  return unbiased > 0 ? unbiased : *error.relative_mse;
+}
+
+/// Relative standard deviation of `mse_of`: noise, and the bias of order E⁴ that the jackknife leaves.
 double deviation(const ErrorEstimate& error) {
   return std::sqrt(*error.mse_deviation * *error.mse_deviation + *error.relative_mse * *error.relative_mse);
 }
@@ -42,7 +47,7 @@ std::optional<Estimate> mse_slope(std::span<const ConvergencePoint> points) {
     const double sigma = std::max(deviation(error), 1e-9);
     // E[log(1 + ε)] = −σ²/2.
     const double row[3] = {1 / sigma, std::log(static_cast<double>(samples)) / sigma,
-                           (std::log(*error.relative_mse) + 0.5 * *error.mse_deviation * *error.mse_deviation) / sigma};
+                           (std::log(mse_of(error)) + 0.5 * *error.mse_deviation * *error.mse_deviation) / sigma};
     const double g = chain(samples), correlation = last_chain / g, rest = std::sqrt(1 - correlation * correlation);
     double x[3];
     for (int i = 0; i < 3; ++i) x[i] = (row[i] - correlation * last[i]) / rest;
@@ -76,20 +81,39 @@ std::string heavy_tail_reason(std::span<const ConvergencePoint> points) {
   return heavy_tail_reason(points.back().error);
 }
 
+std::optional<Prediction> predict_error(const Convergence& record, double target) {
+  if (record.points.empty() || !(target > 0)) return std::nullopt;
+  const auto& [samples, error, seconds] = record.points.back();
+  if (!error.relative_error || !(error.relative_error->value > 0)) return std::nullopt;
+  const auto n = static_cast<double>(samples);
+  const double mse = mse_of(error), wanted = target * target;
+  // n·E² = a − b/n with the bias b/n² of E²: the larger root of wanted·n² − a·n + b = 0.
+  const double a = n * mse, b = n * (a - n * *error.relative_mse);
+  double needed = (a + std::sqrt(std::max(0.0, a * a - 4 * wanted * b))) / (2 * wanted), flatter = needed;
+  double spread = kNormal95 * deviation(error);
+  const std::span<const ConvergencePoint> last(record.points.end() - std::min<ptrdiff_t>(4, std::ssize(record.points)),
+                                               record.points.end());
+  if (const auto slope = mse_slope(last); slope && slope->value + 1.5 * slope->half_width < -1 - kSlopeTolerance) {
+    const double ratio = std::log(*error.relative_mse / wanted);
+    needed = n * std::exp(ratio / -slope->value);
+    spread = std::hypot(spread, ratio * slope->half_width / (slope->value * slope->value));
+    // Nobody knows how far the steeper fall goes on.
+    flatter = std::max(needed, flatter);
+  }
+  const auto count = [](double v) {
+    return v < static_cast<double>(kMaxSamples) ? static_cast<int64_t>(std::ceil(std::max(1.0, v))) : kMaxSamples;
+  };
+  Prediction p{target, count(needed), count(needed * std::max(0.0, 1 - spread)), count(flatter * (1 + spread)), 0};
+  p.cpu_seconds = seconds_per_sample(record) * static_cast<double>(std::max<int64_t>(0, p.samples - samples));
+  return p;
+}
+
 std::vector<Prediction> predict(const Convergence& record) {
   std::vector<Prediction> list;
-  if (record.points.empty()) return list;
-  const auto& [samples, error, seconds] = record.points.back();
-  if (!error.relative_error || !(error.relative_error->value > 0) || heavy_tailed(record.points)) return list;
-  const double spread = kNormal95 * deviation(error);
-  for (const double factor : {0.5, 0.25, 0.1}) {
-    Prediction p{factor, factor * error.relative_error->value, samples_for(samples, factor), 0, 0, 0};
-    const auto n = static_cast<double>(p.samples);
-    p.samples_low = std::max(samples, static_cast<int64_t>(n * std::max(0.0, 1 - spread)));
-    p.samples_high = static_cast<int64_t>(std::min(n * (1 + spread), static_cast<double>(kMaxSamples)));
-    p.cpu_seconds = seconds_per_sample(record) * static_cast<double>(p.samples - samples);
-    list.push_back(p);
-  }
+  if (record.points.empty() || heavy_tailed(record.points)) return list;
+  for (const double factor : {0.5, 0.25, 0.1})
+    if (const auto& error = record.points.back().error.relative_error)
+      if (const auto p = predict_error(record, factor * error->value)) list.push_back(*p);
   return list;
 }
 

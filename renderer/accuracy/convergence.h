@@ -34,9 +34,10 @@ struct Convergence {
 /// CPU seconds a sample per pixel took: those of the last point over its timed samples. 0 where nothing was timed.
 double seconds_per_sample(const Convergence& record);
 
-/// The slope of log(relative MSE) against log(samples) with its 95 % interval, by generalised least squares over the points
-/// from 4 samples on with an error below 70 %. The weights hold the noise of each estimate and, as E² is biased by about E⁴
-/// where means in its denominator are noisy, that too. Absent for fewer than three such points. −1 for independent samples.
+/// The slope of log(E²) against log(samples) with its 95 % interval, by generalised least squares over the points from 4
+/// samples on with an error below 50 %. E² is taken without the bias of its denominators (`unbiased_relative_mse`); the
+/// weights hold the noise of each estimate and, for the bias that is left, E⁴. Absent for fewer than three such points. −1
+/// for independent samples; low-discrepancy ones can be steeper.
 std::optional<Estimate> mse_slope(std::span<const ConvergencePoint> points);
 
 /// The slope may be off by this before it counts: a tenth of the error then costs at most a quarter more than was said.
@@ -44,22 +45,25 @@ inline constexpr double kSlopeTolerance = 0.05;
 
 /// Why the last error and what follows from it are not to be trusted; empty where nothing speaks against it. Grounds: the
 /// slope is flatter than −1 beyond its interval and the tolerance; one sample carries a quarter of the squared error or of
-/// the variance of the image mean, among at least 256; from 256 samples a pixel on, a tenth of the pixels owe more than a
+/// the variance of the image mean, among at least 256; from 256 samples a pixel on, a quarter of the pixels owe more than a
 /// tenth of their value to one sample.
 std::string heavy_tail_reason(std::span<const ConvergencePoint> points);
 /// The same from one estimate alone, without the slope.
 std::string heavy_tail_reason(const ErrorEstimate& error);
 inline bool heavy_tailed(std::span<const ConvergencePoint> points) { return !heavy_tail_reason(points).empty(); }
 
-/// What `error_factor` of the last point's error would take. Samples go with 1/MSE, the interval (95 %) holds the noise of
-/// the last error and its bias.
+/// What an error smaller than the last point's would take. E² goes with 1/samples, or with the slope of the last four points where
+/// that is steeper beyond three standard deviations and the tolerance; the bias that E² has at the last point and will have less of is
+/// accounted for. The interval (95 %) holds the noise of the last error, what is left of its bias, and the slope's interval.
 struct Prediction {
-  double error_factor = 1;
   double error = 0;     ///< relative, E
   int64_t samples = 0;  ///< per pixel in all, those that are there included
   int64_t samples_low = 0, samples_high = 0;
   double cpu_seconds = 0;  ///< of the samples that are still to be rendered
 };
+
+/// For the relative error `target` > 0; absent where the error is unknown or zero.
+std::optional<Prediction> predict_error(const Convergence& record, double target);
 
 /// For half, a quarter and a tenth of the error; empty where it is unknown or zero, or the record is heavy-tailed: then
 /// nobody knows.

@@ -44,10 +44,33 @@ double variance_between(const std::array<double, kReplicates>& replicate, const 
   return sum / (degrees_of(weights) * weights.samples);
 }
 
+/// Var(x̄)/(x̄² + floor²) without the bias of order 1/n that a noisy x̄ gives it: the jackknife over the replicates that hold
+/// samples (Efron & Stein 1981), of the quantity n·Var(x̄)/(x̄² + floor²), which does not depend on n otherwise. For three
+/// replicates at least, equally full up to rounding.
+double jackknifed_term(const std::array<double, kReplicates>& replicate, const FoldWeights& weights, double term, double floor) {
+  double k = 0, sum = 0, squares = 0;
+  for (size_t i = 0; i < kReplicates; ++i) {
+    if (weights.of_replicate[i] == 0) continue;
+    k += 1;
+    sum += replicate[i];
+  }
+  const double mean = sum / k;
+  for (size_t i = 0; i < kReplicates; ++i)
+    if (weights.of_replicate[i] > 0) squares += (replicate[i] - mean) * (replicate[i] - mean);
+  double without = 0;  // mean over i of what the others say, for as many samples as there are
+  for (size_t i = 0; i < kReplicates; ++i) {
+    if (weights.of_replicate[i] == 0) continue;
+    const double d = replicate[i] - mean, m = mean - d / (k - 1);
+    const double scale = m * m + floor * floor, v = std::max(0.0, squares - d * d * k / (k - 1)) / ((k - 2) * k);
+    if (scale > 0) without += v / scale / k;
+  }
+  return k * term - (k - 1) * without;
+}
+
 /// The error of every pixel against `image_mean`.
 void estimate_pixels(const VisitPixels& visit, PixelWeights& weights_of, ErrorEstimate& error) {
   const double floor = 0.01 * error.image_mean;
-  double pixels = 0, variance = 0, relative = 0, relative_squares = 0, noise = 0, largest_absolute = 0, largest_relative = 0;
+  double pixels = 0, variance = 0, relative = 0, relative_squares = 0, noise = 0, unbiased = 0, largest_absolute = 0, largest_relative = 0;
   visit([&](std::span<const PixelStats> piece) {
     for (const PixelStats& pixel : piece) {
       if (pixel.missing()) continue;
@@ -58,6 +81,7 @@ void estimate_pixels(const VisitPixels& visit, PixelWeights& weights_of, ErrorEs
       const double scale = mean * mean + floor * floor;
       // A black pixel of a black image has no error.
       const double term = scale > 0 ? v / scale : 0;
+      if (error.degrees >= 2) unbiased += jackknifed_term(replicates_of(pixel), weights, term, floor);
       variance += v;
       relative += term;
       relative_squares += term * term;
@@ -78,6 +102,7 @@ void estimate_pixels(const VisitPixels& visit, PixelWeights& weights_of, ErrorEs
     e.half_width = kNormal95 * std::sqrt(scatter) / (2 * e.value);  // dE = d(E²)/(2E)
   }
   error.relative_error = e;
+  if (error.degrees >= 2) error.unbiased_relative_mse = unbiased / pixels;
   error.mse_deviation = mse > 0 ? std::sqrt(noise) / relative : 0;
   error.one_sample_share = mse > 0 ? std::max(largest_absolute / variance, largest_relative / relative) : 0;
 }
@@ -114,7 +139,8 @@ ErrorEstimate estimate(const VisitPixels& visit, PixelWeights weights_of) {
   error.image_mean = mean_luminance(replicate, weights);
   if (error.samples >= kFireflySamples) error.firefly_share = static_cast<double>(fireflies) / static_cast<double>(error.pixels);
   if (error.degrees < 1) return error;
-  error.image_mean_half_width = student_quantile(0.5 + kConfidence / 2, error.degrees) * std::sqrt(variance_between(replicate, weights));
+  error.image_mean_standard_error = std::sqrt(variance_between(replicate, weights));
+  error.image_mean_half_width = student_quantile(0.5 + kConfidence / 2, error.degrees) * *error.image_mean_standard_error;
   estimate_pixels(visit, weights_of, error);
   return error;
 }
@@ -194,6 +220,7 @@ std::vector<std::pair<std::string, double>> error_fields(const ErrorEstimate& er
   const auto add = [&](const char* name, std::optional<double> value) {
     if (value) fields.emplace_back(name, *value);
   };
+  add("image_mean_standard_error", error.image_mean_standard_error);
   add("image_mean_half_width", error.image_mean_half_width);
   if (error.relative_error) {
     add("relative_error", error.relative_error->value);
@@ -204,6 +231,7 @@ std::vector<std::pair<std::string, double>> error_fields(const ErrorEstimate& er
   }
   add("relative_mse", error.relative_mse);
   add("standard_error", error.standard_error);
+  add("unbiased_relative_mse", error.unbiased_relative_mse);
   add("mse_deviation", error.mse_deviation);
   add("firefly_share", error.firefly_share);
   add("one_sample_share", error.one_sample_share);

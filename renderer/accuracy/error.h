@@ -32,14 +32,18 @@ struct ErrorEstimate {
   int64_t samples = 0;  ///< per pixel; the rounded mean where blocks hold different numbers
   int64_t pixels = 0;   ///< with all their samples; the others are left out of every mean
   int64_t missing_pixels = 0;
-  double image_mean = 0;  ///< mean over the pixels
-  int degrees = 0;        ///< of freedom: the replicates that hold samples, less one; 7 from 8 samples on
+  double image_mean = 0;                            ///< mean over the pixels
+  int degrees = 0;                                  ///< of freedom: the replicates that hold samples, less one; 7 from 8 samples on
+  std::optional<double> image_mean_standard_error;  ///< between the replicates
   /// Half width of the 95 % interval of `image_mean`, by Student's t between the replicates.
   std::optional<double> image_mean_half_width;
   /// E = sqrt(mean over pixels of Var(x̄)/(x̄² + (0.01·image mean)²)), and a 95 % interval from the scatter of the pixels
   /// (wide of the truth rather than narrow: differences between parts of the image count as scatter).
   std::optional<Estimate> relative_error;
   std::optional<double> relative_mse;  ///< E²
+  /// E² as it would be with the true means of the pixels in its denominator, by the jackknife: where single samples are rare and
+  /// large, E² itself is too small as long as E is beyond some 10 %. From three samples on; may be negative.
+  std::optional<double> unbiased_relative_mse;
   /// Relative standard deviation of `relative_mse` as an estimate, for replicates with normal means: what the noise of the
   /// pixels' variances (2/ν each) and means makes of it, without what differs between the pixels themselves.
   std::optional<double> mse_deviation;

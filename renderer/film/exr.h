@@ -49,12 +49,21 @@ struct NodeFile {
   std::vector<Tile> nodes;
 };
 
+/// Numbers about the whole picture, for people who open the file: attributes "woodcock:NAME" of type float in part 0. They are
+/// known only after the last row, so they get their place first and their value before the file gets its name. No reader
+/// here takes them for true.
+struct PictureSummary {
+  std::vector<std::string> (*names)(SampleRange samples);
+  std::vector<float> (*values)(const std::filesystem::path& file);  ///< in the order of `names`
+};
+
 /// Writes `nodes`: one rectangle, and the dyadic nodes of one range in order. The file appears whole or not at all, and
 /// durably. Throws FilmError for nodes that do not fit together, for a number that is not finite, and where the
 /// disk refuses.
-void write_exr(const std::filesystem::path& path, const FrameHeader& header, std::span<const Tile> nodes);
+void write_exr(const std::filesystem::path& path, const FrameHeader& header, std::span<const Tile> nodes,
+               const PictureSummary* summary = nullptr);
 
-/// The same bytes in memory.
+/// The same bytes in memory, without a summary.
 std::string encode_exr(const FrameHeader& header, std::span<const Tile> nodes);
 
 /// Pixels × nodes that are read into memory at once: 6 GB of statistics.
@@ -91,7 +100,7 @@ class ExrReader {
 class ExrWriter {
  public:
   /// `info.nodes` is ignored: it follows from range and map.
-  ExrWriter(const std::filesystem::path& path, const NodeFileInfo& info);
+  ExrWriter(const std::filesystem::path& path, const NodeFileInfo& info, const PictureSummary* summary = nullptr);
   ~ExrWriter();
 
   /// The next rows: any number of whole rows of the part that is being written. Throws FilmError.

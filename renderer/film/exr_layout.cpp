@@ -190,7 +190,7 @@ void check_info(const NodeFileInfo& info, std::string_view name) {
         refuse(name, fmt::format("the setting '{}' is there twice", header.settings[i].first));
 }
 
-OIIO::ImageSpec part_spec(const NodeFileInfo& info, size_t index) {
+OIIO::ImageSpec part_spec(const NodeFileInfo& info, size_t index, const std::vector<std::string>& numbers) {
   const auto list = channels(info.header.aovs);
   OIIO::ImageSpec spec(info.rect.width(), info.rect.height(), static_cast<int>(list.size()), OIIO::TypeFloat);
   for (size_t c = 0; c < list.size(); ++c) spec.channelnames[c] = list[c].name;
@@ -213,6 +213,7 @@ OIIO::ImageSpec part_spec(const NodeFileInfo& info, size_t index) {
   if (info.map) put("map", to_text(info.map->counts));
   for (const auto& [key, value] : header_fields(info.header)) put(key, value);
   put("setting_order", order_text(info.header));
+  for (const std::string& number : numbers) spec.attribute(fmt::format("{}{}", kPrefix, number), 0.0f);
   if (info.missing_pixels > 0) {
     put("missing_pixels", std::to_string(info.missing_pixels));
     put("gap_count", std::to_string(info.gaps.size()));

@@ -35,8 +35,12 @@ inline bool has_fold(const NodeFileInfo& info) { return info.nodes.size() > 1; }
 /// Throws FilmError(name, …) unless rectangle, range and header make sense and stay within the limits.
 void check_info(const NodeFileInfo& info, std::string_view name);
 
-/// The description of part `index` for OpenImageIO.
-OIIO::ImageSpec part_spec(const NodeFileInfo& info, size_t index);
+/// The description of part `index` for OpenImageIO; part 0 has a place for the numbers of these names.
+OIIO::ImageSpec part_spec(const NodeFileInfo& info, size_t index, const std::vector<std::string>& numbers = {});
+
+/// Gives the float attributes "woodcock:NAME" of the first header of an EXR file, which must be there, their values, in place.
+/// Throws FilmError.
+void set_numbers(const std::filesystem::path& file, const std::vector<std::string>& names, const std::vector<float>& values);
 
 /// The info of a file whose part 0 is `spec`. Throws FilmError(name, …).
 NodeFileInfo parse_info(const OIIO::ImageSpec& spec, std::string_view name);

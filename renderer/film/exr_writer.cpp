@@ -18,10 +18,12 @@ class PartWriter {
  public:
   /// Writes to the file `path`, or into `memory` if that is given (a file of one part only: OpenImageIO 2.4 writes
   /// several parts to real files only). `name` is for messages.
-  PartWriter(const NodeFileInfo& info, const std::string& path, OIIO::Filesystem::IOProxy* memory, std::string name)
-      : name_(std::move(name)), channels_(exr::channels(info.header.aovs)), rect_(info.rect) {
+  PartWriter(const NodeFileInfo& info, const std::string& path, OIIO::Filesystem::IOProxy* memory, std::string name,
+             const PictureSummary* summary = nullptr)
+      : name_(std::move(name)), channels_(exr::channels(info.header.aovs)), rect_(info.rect), path_(path), summary_(summary) {
     exr::check_info(info, name_);
-    for (size_t i = 0; i < exr::part_count(info); ++i) specs_.push_back(exr::part_spec(info, i));
+    if (summary) numbers_ = summary->names(info.samples);
+    for (size_t i = 0; i < exr::part_count(info); ++i) specs_.push_back(exr::part_spec(info, i, numbers_));
     output_ = OIIO::ImageOutput::create("exr");
     if (!output_) fail(OIIO::geterror());
     if (memory) output_->set_ioproxy(memory);
@@ -43,6 +45,7 @@ class PartWriter {
   void close() {
     if (part_ + 1 != specs_.size() || row_ != rect_.height()) fail("internal error: closed before the last row");
     if (!output_->close()) fail(output_->geterror());
+    if (summary_) exr::set_numbers(path_, numbers_, summary_->values(path_));
   }
 
  private:
@@ -79,6 +82,9 @@ class PartWriter {
   std::string name_;
   std::vector<exr::Channel> channels_;
   PixelRect rect_;
+  std::string path_;
+  const PictureSummary* summary_;
+  std::vector<std::string> numbers_;
   std::vector<OIIO::ImageSpec> specs_;
   std::unique_ptr<OIIO::ImageOutput> output_;
   std::vector<float> block_;
@@ -125,10 +131,10 @@ void write_all(PartWriter& writer, const NodeFileInfo& info, std::span<const Til
 
 }  // namespace
 
-void write_exr(const std::filesystem::path& path, const FrameHeader& header, std::span<const Tile> nodes) {
+void write_exr(const std::filesystem::path& path, const FrameHeader& header, std::span<const Tile> nodes, const PictureSummary* summary) {
   const NodeFileInfo info = info_of(header, nodes, path.string());
   AtomicFile file(path);
-  PartWriter writer(info, file.path().string(), nullptr, path.string());
+  PartWriter writer(info, file.path().string(), nullptr, path.string(), summary);
   write_all(writer, info, nodes);
   file.commit();
 }
@@ -162,11 +168,12 @@ struct ExrWriter::Impl {
     info.nodes = exr::nodes_of(info);
     return info;
   }
-  Impl(const std::filesystem::path& path, const NodeFileInfo& info)
-      : file(path), writer(with_nodes(info), file.path().string(), nullptr, path.string()) {}
+  Impl(const std::filesystem::path& path, const NodeFileInfo& info, const PictureSummary* summary)
+      : file(path), writer(with_nodes(info), file.path().string(), nullptr, path.string(), summary) {}
 };
 
-ExrWriter::ExrWriter(const std::filesystem::path& path, const NodeFileInfo& info) : impl_(std::make_unique<Impl>(path, info)) {}
+ExrWriter::ExrWriter(const std::filesystem::path& path, const NodeFileInfo& info, const PictureSummary* summary)
+    : impl_(std::make_unique<Impl>(path, info, summary)) {}
 ExrWriter::~ExrWriter() = default;
 
 void ExrWriter::write_rows(std::span<const PixelStats> rows) { impl_->writer.write(rows); }

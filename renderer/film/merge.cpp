@@ -159,7 +159,7 @@ int band_rows(std::span<const MergeInput> inputs, const NodeFileInfo& info) {
 }  // namespace
 
 NodeFileInfo merge_tiles(std::span<const MergeInput> inputs, const TileLoader& load, const std::filesystem::path& out,
-                         const MergeTarget& target) {
+                         const MergeTarget& target, const PictureSummary* summary) {
   const NodeFileInfo info = plan_merge(inputs, target);
   const PixelRect rect = info.rect;
   const int rows = band_rows(inputs, info);
@@ -168,7 +168,7 @@ NodeFileInfo merge_tiles(std::span<const MergeInput> inputs, const TileLoader& l
     for (int b = (inputs[i].rect.y0 - rect.y0) / rows; b <= (inputs[i].rect.y1 - 1 - rect.y0) / rows; ++b)
       of_band[static_cast<size_t>(b)].push_back(i);
 
-  ExrWriter writer(out, info);
+  ExrWriter writer(out, info, summary);
   TileCache cache(inputs, load);
   // One node, or the fold where none is named.
   const auto write_part = [&](std::optional<SampleRange> node) {

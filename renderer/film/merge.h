@@ -46,11 +46,12 @@ NodeFileInfo plan_merge(std::span<const MergeInput> inputs, const MergeTarget& t
 /// Writes the frame to `out` and returns what it holds; the file lists the first kMaxListedGaps gaps. Rows are
 /// put together band by band: a frame of 4096 × 4096 pixels needs some 300 MB, not the 1.5 GB of its statistics. Throws FilmError.
 NodeFileInfo merge_tiles(std::span<const MergeInput> inputs, const TileLoader& load, const std::filesystem::path& out,
-                         const MergeTarget& target = {});
+                         const MergeTarget& target = {}, const PictureSummary* summary = nullptr);
 
 /// The same for node files: tiles, or earlier frames with several nodes. A file with gaps is refused: merge the tiles
 /// it was made of instead. Where a file has a sample map and the target none, each block gets the samples up to the largest index
 /// that any file has there.
-NodeFileInfo merge_files(std::span<const std::filesystem::path> files, const std::filesystem::path& out, const MergeTarget& target = {});
+NodeFileInfo merge_files(std::span<const std::filesystem::path> files, const std::filesystem::path& out, const MergeTarget& target = {},
+                         const PictureSummary* summary = nullptr);
 
 }  // namespace woodcock

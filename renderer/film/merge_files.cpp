@@ -63,7 +63,8 @@ std::vector<PixelRect> strips_of(const NodeFileInfo& info, size_t n) {
 
 }  // namespace
 
-NodeFileInfo merge_files(std::span<const std::filesystem::path> files, const std::filesystem::path& out, const MergeTarget& target) {
+NodeFileInfo merge_files(std::span<const std::filesystem::path> files, const std::filesystem::path& out, const MergeTarget& target,
+                         const PictureSummary* summary) {
   std::vector<MergeInput> inputs;
   std::vector<Strip> strips;
   bool mapped = false;
@@ -96,7 +97,7 @@ NodeFileInfo merge_files(std::span<const std::filesystem::path> files, const std
       if (!rect.contains(input.rect)) throw FilmError(input.name, "cannot be merged: its pixels are outside the frame's");
     wanted.map = map_of_inputs(inputs, rect);
   }
-  return merge_tiles(inputs, load, out, wanted);
+  return merge_tiles(inputs, load, out, wanted, summary);
 }
 
 }  // namespace woodcock

@@ -13,6 +13,7 @@
 #include <mutex>
 #include <thread>
 
+#include "renderer/accuracy/error_summary.h"
 #include "renderer/film/exr.h"
 #include "renderer/film/merge.h"
 #include "renderer/film/split.h"
@@ -142,7 +143,7 @@ void write_blocks(const std::filesystem::path& exr, const FrameHeader& header, c
       tiles.push_back(&node);
     }
   if (tiles.empty()) throw FilmError(exr.string(), "cannot be written: not one block is rendered");
-  merge_tiles(inputs, [&](size_t i) { return *tiles[i]; }, exr, {{}, {}, blocks.map});
+  merge_tiles(inputs, [&](size_t i) { return *tiles[i]; }, exr, {{}, {}, blocks.map}, &kErrorSummary);
 }
 
 bool render_pass(const FrameRenderer& frame, const std::vector<int64_t>& counts, const PassSetting& setting, RenderProgress& progress,

@@ -14,8 +14,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-/// The errors of the prefixes 1, 2, 4, … `samples` of one picture whose samples are `draw(stream, pixel)`; 2 ms of CPU a sample
-/// per pixel.
+/// The errors of the prefixes 1, 2, 4, … `samples` of one picture whose samples are `draw(stream, pixel)`; each count takes 2 ms.
 Convergence record(size_t pixels, int64_t samples, Stream& random, const std::function<float(Stream&, size_t)>& draw) {
   std::vector<std::vector<PixelStats>> prefixes(static_cast<size_t>(std::countr_zero(static_cast<uint64_t>(samples)) + 1));
   for (size_t p = 0; p < pixels; ++p) {
@@ -85,14 +84,46 @@ TEST(Convergence, PredictsSamplesAndTimeThatThenAreNeeded) {
     ASSERT_EQ(begin.points.back().samples, 256);
     const auto list = predict(begin);
     ASSERT_EQ(list.size(), 3u);
-    EXPECT_EQ(list[0].samples, 1024);
-    EXPECT_EQ(list[2].samples, 25600);
-    EXPECT_NEAR(list[0].cpu_seconds, 0.002 * 768, 1e-9);
+    EXPECT_NEAR(static_cast<double>(list[0].samples), 1024, 30);
+    EXPECT_NEAR(static_cast<double>(list[2].samples), 25600, 800);
+    EXPECT_NEAR(list[0].cpu_seconds, 0.002 * static_cast<double>(list[0].samples - 256), 1e-9);
     // The error at 1024, moved to the error that was asked for.
     const double ratio = all.points[10].error.relative_error->value / list[0].error, needed = 1024 * ratio * ratio;
     hits += static_cast<double>(list[0].samples_low) <= needed * 1.05 && needed * 0.95 <= static_cast<double>(list[0].samples_high);
   }
   EXPECT_GE(hits, 87);
+}
+
+TEST(Convergence, PredictsFromLargeErrorsOfSkewedSamples) {
+  // One sample in 30 is bright: the plain E² of 64 samples is a fifth too small. Over 40 pictures the prediction for 8 % is on
+  // average that for the true error, 29/n = 0.0064, within 3 %: five deviations of the mean.
+  Stream random(7);
+  double sum = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    const Convergence c = record(1024, 256, random, [](Stream& r, size_t) { return r.uniform() < 1 / 30.0f ? 1.0f : 0.0f; });
+    const auto p = predict_error(c, 0.08);
+    ASSERT_TRUE(p.has_value());
+    sum += static_cast<double>(p->samples) / 40;
+  }
+  EXPECT_NEAR(sum, 29 / 0.0064, 0.05 * 29 / 0.0064);
+}
+
+TEST(Convergence, ASteeperFallIsFollowedAndLeftInDoubt) {
+  // E² as n^-1.5, known to 1 %.
+  Convergence c;
+  for (const int64_t n : {16, 32, 64, 128, 256}) {
+    ErrorEstimate e;
+    e.samples = n;
+    e.pixels = 1000;
+    e.relative_mse = e.unbiased_relative_mse = 0.01 * std::pow(static_cast<double>(n), -1.5);
+    e.relative_error = Estimate{std::sqrt(*e.relative_mse), 0};
+    e.mse_deviation = 0.01;
+    c.points.push_back({n, e, 0});
+  }
+  const auto p = predict_error(c, c.points.back().error.relative_error->value / 2);
+  EXPECT_NEAR(static_cast<double>(p->samples), 256 * std::pow(4, 1 / 1.5), 2);
+  EXPECT_LE(p->samples_low, p->samples);
+  EXPECT_GE(p->samples_high, 1024);
 }
 
 TEST(Convergence, SaysNothingWithoutSamplesOrError) {
