@@ -88,7 +88,7 @@ AssembleResult assemble(const AssembleRequest& request) {
   }
   if (!result.damaged.empty()) return result;
   try {
-    merge_files(tiles, request.output_path, {request.header.bounds, SampleRange{0, request.samples}}, &kErrorSummary);
+    merge_files(tiles, request.output_path, {request.header.bounds, SampleRange{0, request.samples}, {}}, &kErrorSummary);
     result.statistics = statistics_of(request.output_path);
     result.ok = true;
   } catch (const std::exception& error) {
