@@ -80,11 +80,17 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
     fmt::print("{}: the same picture to look at\n", png.string());
     const ErrorEstimate error = estimate_error(path);
     fmt::print("{}{}", format_error(error), format_bias(job.settings().estimator()));
+    if (job.has_target()) {
+      if (!response.partial()) fmt::print("{}\n", target_line(job, response.frame()));
+      continue;
+    }
     if (complete && job.frame_count() == 1)
       fmt::print("{}", format_convergence({{{error.samples, error, job.progress().worker_seconds()}}, 0}, 1));
   }
   if (fetched.frames.empty()) throw std::runtime_error(fmt::format("job {} has no frame {}", job.job_id(), options.frame.value_or(0)));
-  if (!options.quiet && fetched.complete)
+  if (!options.quiet && fetched.complete && job.has_target())
+    fmt::print("less error: woodcock extend {} --target-error E\n", job.job_id());
+  else if (!options.quiet && fetched.complete)
     fmt::print("more samples: woodcock extend {} --spp N (times above are of one thread)\n", job.job_id());
   report_health(health);
   return fetched;

@@ -74,6 +74,11 @@ json frame_json(const v1::FrameStatus& frame) {
              {"truncated_paths", frame.health().truncated_paths()}}},
            {"failed_tasks", json::array()}};
   if (frame.has_statistics()) out["statistics"] = statistics_json(frame.statistics());
+  if (frame.has_adaptive())
+    out["adaptive"] = {{"pass", frame.adaptive().pass()},
+                       {"active_blocks", frame.adaptive().active_blocks()},
+                       {"closed_blocks", frame.adaptive().closed_blocks()},
+                       {"blocks", frame.adaptive().blocks()}};
   for (const v1::FailedTask& task : frame.failed_tasks())
     out["failed_tasks"].push_back({{"task_id", task.task_id()},
                                    {"rect", {task.rect().x0(), task.rect().y0(), task.rect().x1(), task.rect().y1()}},
@@ -93,11 +98,27 @@ json job_json(const v1::Job& job) {
            {"submitted_unix_ms", job.submitted_unix_ms()},
            {"ended_unix_ms", job.ended_unix_ms()},
            {"frame_count", job.frame_count()}};
+  if (job.has_target()) out["target"] = {{"error", job.target().error()}, {"max_samples", job.target().max_samples()}};
   if (job.frames_size() > 0) {
     out["frames"] = json::array();
     for (const v1::FrameStatus& frame : job.frames()) out["frames"].push_back(frame_json(frame));
   }
   return out;
+}
+
+std::string pass_line(const v1::FrameStatus& frame) {
+  const v1::AdaptiveStatus& adaptive = frame.adaptive();
+  std::string line = fmt::format("pass {}, {} of {} blocks", adaptive.pass(), adaptive.active_blocks(), adaptive.blocks());
+  if (adaptive.closed_blocks() > 0) line += fmt::format(", {} closed", adaptive.closed_blocks());
+  return line;
+}
+
+std::string target_line(const v1::Job& job, const v1::FrameStatus& frame) {
+  if (frame.adaptive().closed_blocks() > 0)
+    return fmt::format("{} blocks closed: the target is of the others", frame.adaptive().closed_blocks());
+  // The coordinator sums in another order: the last digits may differ.
+  const bool reached = frame.statistics().has_relative_error() && frame.statistics().relative_error() <= job.target().error() * (1 + 1e-5);
+  return reached ? "target reached" : fmt::format("ended by the limit of {} samples per pixel", job.target().max_samples());
 }
 
 std::string error_line(const v1::FrameStatistics& statistics) {

@@ -20,6 +20,11 @@ nlohmann::json job_json(const v1::Job& job);
 nlohmann::json frame_json(const v1::FrameStatus& frame);
 nlohmann::json statistics_json(const v1::FrameStatistics& statistics);
 
+/// "pass 3, 12 of 40 blocks".
+std::string pass_line(const v1::FrameStatus& frame);
+/// Whether a frame that has ended reached its job's target, or what ended it.
+std::string target_line(const v1::Job& job, const v1::FrameStatus& frame);
+
 /// "error 1.2 % of the mean (95 % interval 1.1 % to 1.3 %)", and what else a user should know of a frame's image.
 std::string error_line(const v1::FrameStatistics& statistics);
 

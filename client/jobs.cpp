@@ -3,7 +3,9 @@
 
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
+#include "client/adaptive_render.h"
 #include "client/commands.h"
 #include "client/fetch_frames.h"
 #include "client/health.h"
@@ -40,15 +42,20 @@ void print_job(const v1::Job& job) {
   const v1::Progress& progress = job.progress();
   fmt::print("job       {}  {}\n", job.job_id(), job.name());
   fmt::print("state     {}{}{}\n", state_name(job.state()), job.state_reason().empty() ? "" : ": ", job.state_reason());
-  fmt::print("samples   {} per pixel, {:.1f} % done\n", job.settings().samples(), percent(progress));
+  if (job.has_target())
+    fmt::print("target    relative error {:.3g} %, {} samples per pixel at most\n", 100 * job.target().error(), job.target().max_samples());
+  else
+    fmt::print("samples   {} per pixel, {:.1f} % done\n", job.settings().samples(), percent(progress));
   fmt::print("tasks     {} of {} done, {} leased, {} given up\n", progress.tasks_done(), progress.tasks_total(), progress.tasks_leased(),
              progress.tasks_failed());
   fmt::print("cost      {} of processor time so far\n", format_seconds(progress.worker_seconds()));
   if (progress.has_eta_seconds()) fmt::print("left      about {}\n", format_seconds(progress.eta_seconds()));
   for (const v1::FrameStatus& frame : job.frames()) {
     fmt::print("frame {:<4}{}", frame.frame(), state_name(frame.state()));
-    if (frame.state() == v1::FRAME_STATE_DONE || frame.state() == v1::FRAME_STATE_PARTIAL)
-      fmt::print(", {}", error_line(frame.statistics()));
+    const bool ended = frame.state() == v1::FRAME_STATE_DONE || frame.state() == v1::FRAME_STATE_PARTIAL;
+    if (frame.has_adaptive() && !ended) fmt::print(", {}", pass_line(frame));
+    if (ended || (frame.has_adaptive() && frame.has_statistics())) fmt::print(", {}", error_line(frame.statistics()));
+    if (ended && job.has_target()) fmt::print(", {}", target_line(job, frame));
     if (!frame.waiting_reason().empty()) fmt::print(", waits: {}", frame.waiting_reason());
     if (!frame.reason().empty()) fmt::print(", {}", frame.reason());
     fmt::print("\n");
@@ -192,14 +199,24 @@ void add_resume_command(CLI::App& app, int& code) {
 void add_extend_command(CLI::App& app, int& code) {
   struct Options : JobOptions {
     int64_t samples = 0;
+    std::optional<double> error;
   };
   auto options = std::make_shared<Options>();
-  auto* command = add_job_command(app, "extend", "Raise a job's samples per pixel; only the difference is rendered", options);
-  command->add_option("--spp", options->samples, "The new total of samples per pixel")->required()->check(CLI::PositiveNumber);
-  command->footer("Example:\n  woodcock extend JOB --spp 1024");
+  auto* command =
+      add_job_command(app, "extend", "Raise a job's samples per pixel or tighten its target; only the difference is rendered", options);
+  command->add_option("--spp,--max-spp", options->samples, "The new total of samples per pixel; of a job with a target the new limit")
+      ->check(CLI::PositiveNumber);
+  command
+      ->add_option_function<std::string>(
+          "--target-error", [options](const std::string& text) { options->error = parse_error_target("--target-error", text); },
+          "The relative error to reach, e.g. 0.01 or 1%")
+      ->type_name("E");
+  command->footer("Examples:\n  woodcock extend JOB --spp 1024\n  woodcock extend JOB --target-error 1%");
   command->callback([options, &code] {
+    if (options->samples == 0 && !options->error) throw CLI::RequiredError("--spp or --target-error");
     v1::ExtendJobRequest request;
     request.set_samples(options->samples);
+    if (options->error) request.set_target_error(*options->error);
     code = act<v1::ExtendJobRequest, v1::ExtendJobResponse>(*options, &v1::JobsService::Stub::ExtendJob, request, "extending");
   });
 }

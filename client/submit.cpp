@@ -8,6 +8,7 @@
 #include <random>
 #include <set>
 
+#include "client/adaptive_render.h"
 #include "client/commands.h"
 #include "client/fetch_frames.h"
 #include "client/frame_options.h"
@@ -29,6 +30,7 @@ namespace {
 struct SubmitOptions {
   ServiceOptions service;
   FrameSettings settings;
+  TargetOptions target;
   std::string scene, output, frames, name;
   int priority = 0, tile = 0;
   bool watch = false, json = false;
@@ -135,6 +137,11 @@ int run(const SubmitOptions& options) {
   submission.request.set_name(options.name.empty() ? options.scene.substr(options.scene.find_last_of('/') + 1) : options.name);
   submission.request.set_priority(options.priority);
   for (uint64_t number = first; number <= last; ++number) add_frame(options, number, submission);
+  if (options.target.adaptive()) {
+    const SamplingTarget target = sampling_target(options.target);
+    submission.request.mutable_target()->set_error(target.error);
+    submission.request.mutable_target()->set_max_samples(target.max_samples);
+  }
 
   Service service(options.service);
   const int64_t uploaded = upload_missing(service, submission, options.json);
@@ -146,8 +153,10 @@ int run(const SubmitOptions& options) {
   const bool follow = options.watch || !options.output.empty();
   if (!options.json && !follow) {
     fmt::print("{}\n", id);
-    fmt::print(stderr, "job {}: {} frame{} of {} samples per pixel; follow it with: woodcock watch {}\n", id, last - first + 1,
-               last == first ? "" : "s", submission.request.settings().samples(), id);
+    const std::string aim =
+        options.target.adaptive() ? fmt::format("a relative error of {:.3g} %, at most ", 100 * *options.target.error) : "";
+    fmt::print(stderr, "job {}: {} frame{} of {}{} samples per pixel; follow it with: woodcock watch {}\n", id, last - first + 1,
+               last == first ? "" : "s", aim, submission.request.settings().samples(), id);
   }
   int code = 0;
   if (follow) {
@@ -190,6 +199,7 @@ void add_submit_command(CLI::App& app, int& code) {
       ->capture_default_str();
   command->add_option("--name", options->name, "The job's name for people (default: the scene file's)");
   add_frame_options(*command, options->settings);
+  add_target_options(*command, options->target);
   command
       ->add_option("--tile", options->tile,
                    "Edge of the leased tiles in pixels, a power of two from 8 to 1024; 0 leaves it to the coordinator")
@@ -201,10 +211,16 @@ void add_submit_command(CLI::App& app, int& code) {
       "Examples:\n"
       "  woodcock submit scenes/cloud.pbrt --spp 256 -o cloud.exr       wait for the image\n"
       "  woodcock submit scenes/cloud.pbrt --spp 256                    prints the job's id and returns\n"
+      "  woodcock submit scenes/cloud.pbrt --target-error 2% -o cloud.exr\n"
       "  woodcock submit shot.####.pbrt --frames 1-24 -o shot.####.exr  a sequence\n"
       "The image is the one that `woodcock render` makes, to the bit.\n"
       "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the job ended with parts missing.");
-  command->callback([options, &code] { code = run(*options); });
+  command->callback([options, &code] {
+    settle_targets(options->target, options->settings);
+    // The coordinator's limit is the job's number of samples.
+    if (options->target.adaptive()) options->settings.samples = sampling_target(options->target).max_samples;
+    code = run(*options);
+  });
 }
 
 }  // namespace woodcock

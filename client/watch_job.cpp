@@ -42,6 +42,7 @@ class CancelOnInterrupt {
 bool is_remarkable(v1::JobEventKind kind) {
   switch (kind) {
     case v1::JOB_EVENT_KIND_FRAME_DONE:
+    case v1::JOB_EVENT_KIND_PASS_DECIDED:
     case v1::JOB_EVENT_KIND_LEASE_EXPIRED:
     case v1::JOB_EVENT_KIND_TASK_FAILED:
     case v1::JOB_EVENT_KIND_TASK_SPLIT:

@@ -54,6 +54,28 @@ std::string header_json(const FrameHeader& header) {
   return json;
 }
 
+nlohmann::json to_json(const Decision& decision) {
+  return {{"error", decision.error}, {"counts", to_text(decision.counts)}, {"active", decision.active}, {"reached", decision.reached}};
+}
+
+/// Throws std::exception for what cannot follow `present`: the child has read files that are not trusted.
+Decision decision_from_json(const nlohmann::json& json, const std::vector<int64_t>& present) {
+  Decision decision;
+  decision.error = json.at("error");
+  decision.active = json.at("active");
+  decision.reached = json.at("reached");
+  auto counts = parse_counts(json.at("counts").get<std::string>(), present.size());
+  if (!counts) throw std::runtime_error("the child decided nonsense");
+  decision.counts = std::move(*counts);
+  int64_t raised = 0;
+  for (size_t b = 0; b < present.size(); ++b) {
+    if (decision.counts[b] < present[b]) throw std::runtime_error("the child decided nonsense");
+    raised += decision.counts[b] > present[b];
+  }
+  if (raised != decision.active) throw std::runtime_error("the child decided nonsense");
+  return decision;
+}
+
 /// Reads what the child writes until it closes the pipe or the time is up. False then.
 bool read_all(int fd, Clock::time_point deadline, std::string& text) {
   for (char buffer[4096];;) {
@@ -66,7 +88,7 @@ bool read_all(int fd, Clock::time_point deadline, std::string& text) {
     if (n == 0) return true;
     if (n > 0) text.append(buffer, static_cast<size_t>(n));
     if (n < 0 && errno != EINTR) return false;
-    if (text.size() > (1 << 20)) return false;
+    if (text.size() > (8 << 20)) return false;
   }
 }
 
@@ -88,8 +110,10 @@ AssembleResult assemble(const AssembleRequest& request) {
   }
   if (!result.damaged.empty()) return result;
   try {
-    merge_files(tiles, request.output_path, {request.header.bounds, SampleRange{0, request.samples}, {}}, &kErrorSummary);
+    merge_files(tiles, request.output_path, {{}, {}, request.map}, &kErrorSummary);
     result.statistics = statistics_of(request.output_path);
+    if (request.target)
+      result.decision = decide(request.map, block_statistics(request.output_path, request.map), request.closed, *request.target);
     result.ok = true;
   } catch (const std::exception& error) {
     result.error = error.what();
@@ -104,11 +128,15 @@ AssembleResult assemble_in_child(const std::string& program, const std::string& 
   const std::string spec_path = temporary_dir + "/assemble-" + std::to_string(++counter) + ".json";
   {
     std::ofstream spec(spec_path);
-    spec << nlohmann::json{{"header", header_json(request.header)},
-                           {"samples", request.samples},
-                           {"tiles", request.tile_paths},
-                           {"output", request.output_path},
-                           {"parent", ::getpid()}};
+    nlohmann::json json{{"header", header_json(request.header)},
+                        {"samples", request.map.largest()},
+                        {"tiles", request.tile_paths},
+                        {"output", request.output_path},
+                        {"parent", ::getpid()}};
+    if (!request.map.uniform()) json["map"] = to_text(request.map.counts);
+    if (request.target)
+      json["target"] = {{"error", request.target->error}, {"max_samples", request.target->max_samples}, {"closed", request.closed}};
+    spec << json;
     spec.close();
     if (!spec) {
       result.error = "cannot write " + spec_path;
@@ -149,6 +177,7 @@ AssembleResult assemble_in_child(const std::string& program, const std::string& 
       result.error = json.at("error").get<std::string>();
       result.damaged = json.at("damaged").get<std::vector<size_t>>();
       result.statistics = statistics_from_json(json.at("statistics").dump());
+      if (request.target && result.ok) result.decision = decision_from_json(json.at("decision"), request.map.counts);
     } catch (const std::exception& error) {
       result.ok = false;
       result.error = finished ? error.what() : "the merge took too long";
@@ -173,14 +202,31 @@ int assemble_main(const std::string& spec_path) {
     v1::FrameHeader header;
     if (!google::protobuf::util::JsonStringToMessage(spec.at("header").get<std::string>(), &header).ok())
       throw std::runtime_error("malformed header");
-    result = assemble({rpc::from_wire(header), spec.at("samples"), spec.at("tiles"), spec.at("output")});
+    AssembleRequest request;
+    request.header = rpc::from_wire(header);
+    request.map.rect = request.header.bounds;
+    request.map.counts.assign(request.map.grid().size(), spec.at("samples").get<int64_t>());
+    if (spec.contains("map")) {
+      auto counts = parse_counts(spec.at("map").get<std::string>(), request.map.grid().size());
+      if (!counts) throw std::runtime_error("malformed sample map");
+      request.map.counts = std::move(*counts);
+    }
+    request.tile_paths = spec.at("tiles");
+    request.output_path = spec.at("output");
+    if (spec.contains("target")) {
+      const nlohmann::json& target = spec.at("target");
+      request.target = SamplingTarget{target.at("error"), target.at("max_samples")};
+      request.closed = target.at("closed").get<std::vector<bool>>();
+    }
+    result = assemble(request);
   } catch (const std::exception& error) {
     result.error = error.what();
   }
   std::cout << nlohmann::json{{"ok", result.ok},
                               {"error", result.error},
                               {"damaged", result.damaged},
-                              {"statistics", nlohmann::json::parse(to_json(result.statistics))}}
+                              {"statistics", nlohmann::json::parse(to_json(result.statistics))},
+                              {"decision", to_json(result.decision)}}
             << std::endl;
   return result.ok ? 0 : 1;
 }

@@ -11,10 +11,13 @@
 namespace woodcock::coordinator {
 
 struct AssembleRequest {
-  FrameHeader header;   ///< pinned: every tile must carry exactly this
-  int64_t samples = 0;  ///< the frame's range is [0, samples)
+  FrameHeader header;  ///< pinned: every tile must carry exactly this
+  SampleMap map;       ///< what the frame holds
   std::vector<std::string> tile_paths;
   std::string output_path;  ///< appears whole or not at all
+  /// Decide what follows in an adaptive frame, whose `closed` blocks take no more samples.
+  std::optional<SamplingTarget> target;
+  std::vector<bool> closed;
 };
 
 /// `error` says why there is no image; `damaged` are the tiles, by index, that are not what they should be.
@@ -23,6 +26,7 @@ struct AssembleResult {
   FrameStatistics statistics;
   std::string error;
   std::vector<size_t> damaged;
+  Decision decision;  ///< where a target was given
 };
 
 /// How a merge is run: in a child, or in this process by tests.

@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <filesystem>
 
 #include "coordinator/coordinator.h"
 #include "coordinator/coordinator_locked.h"
 #include "coordinator/job_view.h"
+#include "rpc/limits.h"
 #include "rpc/status.h"
 
 namespace woodcock::coordinator {
@@ -20,10 +22,13 @@ constexpr int kAttempts = 3;
 AssembleRequest Coordinator::assemble_request(const Job& job, const Frame& frame, std::vector<TaskRef>& tasks) const {
   AssembleRequest request;
   request.header = frame.pinned_header();
-  request.samples = job.spec.samples();
+  request.map = frame.settled_map(job.spec.samples());
   const auto index = static_cast<int>(&frame - job.frames.data());
   for (size_t i = 0; i < frame.tasks.size(); ++i) {
+    const TaskArea& area = frame.tasks[i].area;
     if (frame.tasks[i].state != TaskState::Done) continue;
+    // Of a pass that is not complete in its block.
+    if (area.range.begin >= job.spec.samples() && area.range.end > request.map.at(area.rect.x0, area.rect.y0)) continue;
     tasks.push_back({job.spec.id, index, static_cast<int64_t>(i)});
     request.tile_paths.push_back(blobs_.path(frame.tasks[i].digest));
   }
@@ -64,8 +69,10 @@ void Coordinator::assemble_one(const AssembleJob& work) {
     const Job* job = scheduler_->find(work.job);
     if (!job) return;
     const Frame& frame = job->frames[static_cast<size_t>(work.frame)];
-    if (frame.row.state != FrameState::Assembling || frame.unsettled > 0) return;
+    if (!frame.to_be_assembled()) return;
     request = assemble_request(*job, frame, tasks);
+    request.target = job->spec.target;
+    request.closed = frame.closed_blocks();
     request.output_path = blobs_.temporary("frame-" + std::to_string(++next_temporary_) + ".exr");
   }
   if (const std::vector<TaskRef> damaged = damaged_tiles(tasks, request.tile_paths); !damaged.empty()) {
@@ -76,6 +83,17 @@ void Coordinator::assemble_one(const AssembleJob& work) {
   options_.failpoint("before-merge");
   AssembleResult result = options_.assemble_tiles(request);
   options_.failpoint("after-merge");
+  if (result.ok && request.target && !result.decision.done()) {
+    const bool goes_on = locked([&] {
+      ++changes_;
+      return scheduler_->pass_decided(work.job, work.frame, result.decision, result.statistics, rpc::kMaxTasksPerJob);
+    });
+    if (goes_on) {
+      std::filesystem::remove(request.output_path);
+      return;
+    }
+    spdlog::warn("frame {} of job {} ends before its target: the job has as many tasks as are allowed", work.frame, work.job);
+  }
   std::string digest;
   int64_t bytes = 0;
   if (result.ok) {

@@ -97,9 +97,14 @@ v1::Job Coordinator::set_paused(const std::string& id, bool paused) {
   return job(id);
 }
 
-v1::Job Coordinator::extend(const std::string& id, int64_t samples) {
+v1::Job Coordinator::extend(const std::string& id, int64_t samples, std::optional<double> target_error) {
   locked([&] {
     const Job& job = must_find(id);
+    if (target_error || job.spec.target) {
+      if (!scheduler_->set_target(id, extended_target(job.spec, samples, target_error)))
+        rpc::fail_precondition("job " + id + " is " + to_string(job.row.state) + " and cannot be extended");
+      return;
+    }
     if (samples < job.spec.samples() || samples > rpc::kMaxSamplesPerPixel)
       rpc::fail_invalid("samples: the job has " + std::to_string(job.spec.samples()) + " per pixel, more can be added but none taken away");
     int64_t tasks = 0;

@@ -1,5 +1,7 @@
 #include "coordinator/job_view.h"
 
+#include <algorithm>
+
 #include "rpc/convert.h"
 
 namespace woodcock::coordinator {
@@ -11,7 +13,7 @@ v1::JobState to_wire(JobState state) { return static_cast<v1::JobState>(static_c
 v1::FrameState to_wire(FrameState state) { return static_cast<v1::FrameState>(static_cast<int>(state) + 1); }
 static_assert(static_cast<int>(JobState::Cancelled) + 1 == v1::JOB_STATE_CANCELLED);
 static_assert(static_cast<int>(FrameState::Cancelled) + 1 == v1::FRAME_STATE_CANCELLED);
-static_assert(static_cast<int>(EventKind::TaskReused) == v1::JOB_EVENT_KIND_TASK_REUSED);
+static_assert(static_cast<int>(EventKind::PassDecided) == v1::JOB_EVENT_KIND_PASS_DECIDED);
 
 v1::Progress to_wire(const Progress& p) {
   v1::Progress wire;
@@ -43,6 +45,27 @@ v1::FrameStatistics to_wire(const FrameStatistics& s) {
   return wire;
 }
 
+namespace {
+
+v1::AdaptiveStatus adaptive_view(const Job& job, const Frame& frame) {
+  v1::AdaptiveStatus wire;
+  const size_t passes = frame.row.passes.size();
+  const SampleMap planned = frame.planned_map(job.spec.samples());
+  wire.set_pass(static_cast<int32_t>(passes) + 1);
+  wire.set_blocks(static_cast<int64_t>(planned.counts.size()));
+  int64_t active = passes == 0 ? wire.blocks() : 0;
+  if (passes > 0) {
+    const SampleMap before = frame.planned_map(passes - 1, job.spec.samples());
+    for (size_t b = 0; b < planned.counts.size(); ++b) active += planned.counts[b] > before.counts[b];
+  }
+  wire.set_active_blocks(active);
+  const std::vector<bool> closed = frame.closed_blocks();
+  wire.set_closed_blocks(std::count(closed.begin(), closed.end(), true));
+  return wire;
+}
+
+}  // namespace
+
 v1::FrameStatus frame_view(const Scheduler& scheduler, const Job& job, const Frame& frame, Time now) {
   v1::FrameStatus wire;
   wire.set_frame(frame.spec.header.frame);
@@ -52,7 +75,8 @@ v1::FrameStatus frame_view(const Scheduler& scheduler, const Job& job, const Fra
   wire.set_waiting_reason(scheduler.waiting_reason(job, frame, now));
   wire.set_image_digest(frame.row.image_digest);
   wire.set_image_bytes(frame.row.image_bytes);
-  if (!frame.row.image_digest.empty()) *wire.mutable_statistics() = to_wire(frame.row.statistics);
+  if (!frame.row.image_digest.empty() || !frame.row.passes.empty()) *wire.mutable_statistics() = to_wire(frame.row.statistics);
+  if (job.spec.target) *wire.mutable_adaptive() = adaptive_view(job, frame);
   wire.set_reason(frame.row.reason);
   v1::HealthCounts& health = *wire.mutable_health();
   health.set_nonfinite_samples(frame.health.nonfinite);
@@ -86,6 +110,10 @@ v1::Job job_view(const Scheduler& scheduler, const Job& job, int64_t last_event,
   wire.set_ended_unix_ms(job.row.ended_unix_ms);
   wire.set_frame_count(static_cast<int64_t>(job.frames.size()));
   wire.set_last_event(last_event);
+  if (job.spec.target) {
+    wire.mutable_target()->set_error(job.spec.target->error);
+    wire.mutable_target()->set_max_samples(job.spec.target->max_samples);
+  }
   for (const Frame& frame : job.frames) {
     if (wire.state_reason().empty()) wire.set_state_reason(scheduler.waiting_reason(job, frame, now));
     if (with_frames) *wire.add_frames() = frame_view(scheduler, job, frame, now);

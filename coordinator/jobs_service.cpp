@@ -41,7 +41,10 @@ grpc::Status JobsService::ResumeJob(grpc::ServerContext*, const v1::ResumeJobReq
   return answer([&] { *response->mutable_job() = coordinator_.set_paused(request->job_id(), false); });
 }
 grpc::Status JobsService::ExtendJob(grpc::ServerContext*, const v1::ExtendJobRequest* request, v1::ExtendJobResponse* response) {
-  return answer([&] { *response->mutable_job() = coordinator_.extend(request->job_id(), request->samples()); });
+  return answer([&] {
+    *response->mutable_job() = coordinator_.extend(request->job_id(), request->samples(),
+                                                   request->has_target_error() ? std::optional(request->target_error()) : std::nullopt);
+  });
 }
 grpc::Status JobsService::GetFrame(grpc::ServerContext*, const v1::GetFrameRequest* request, v1::GetFrameResponse* response) {
   return answer([&] {

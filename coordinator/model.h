@@ -7,6 +7,7 @@
 #include <variant>
 #include <vector>
 
+#include "renderer/accuracy/adaptive.h"
 #include "renderer/film/tile.h"
 #include "renderer/frame/settings.h"
 
@@ -48,9 +49,10 @@ struct JobSpec {
   std::string request_digest;  ///< of the whole request: a request id is not used twice
   std::string name;
   FrameSettings settings;
-  int tile_size = 64;               ///< pixels
-  int64_t range_length = 64;        ///< samples of the longest task, a power of two
-  std::vector<SampleRange> rounds;  ///< [0, n), and what each extension added
+  int tile_size = 64;                    ///< pixels
+  int64_t range_length = 64;             ///< samples of the longest task, a power of two
+  std::vector<SampleRange> rounds;       ///< [0, n), and what each extension added; what follows in an adaptive job are passes
+  std::optional<SamplingTarget> target;  ///< of an adaptive job
   int priority = 0;
   std::vector<FrameSpec> frames;
   int64_t submitted_unix_ms = 0;
@@ -118,6 +120,9 @@ struct FrameRow {
   int64_t image_bytes = 0;
   FrameStatistics statistics;
   std::string reason;
+  /// Of an adaptive frame: what each pass raised its blocks to, as decided (renderer/accuracy/adaptive.h). The first pass is the
+  /// job's round.
+  std::vector<std::vector<int64_t>> passes;
 };
 
 /// A job's row beyond its spec.
@@ -161,6 +166,7 @@ enum class EventKind {
   Extended,
   ResultRefused,
   TaskReused,
+  PassDecided,
 };
 
 struct JobEvent {
@@ -211,7 +217,7 @@ struct SaveLease {
 struct DropLease {
   std::string lease_id;
 };
-/// Merge the frame's committed tiles, then call Scheduler::frame_assembled.
+/// Merge the frame's committed tiles, then call Scheduler::frame_assembled, or Scheduler::pass_decided where more is to be rendered.
 struct AssembleFrame {
   std::string job;
   int frame;

@@ -120,9 +120,19 @@ struct Frame {
   int64_t cpu_ns = 0;
   HealthCounts health;                        ///< sum over the tasks done
   std::map<int64_t, HealthCounts> unhealthy;  ///< its share of each task that has any
+  bool deciding = false;                      ///< a pass is over, and the next one not decided yet
   std::deque<int64_t> durations;              ///< wall time of the last commits, nanoseconds
 
   FrameHeader pinned_header() const;
+  /// What the tasks raise the blocks to after the first `passes` passes that follow the job's rounds, [0, base).
+  SampleMap planned_map(size_t passes, int64_t base) const;
+  SampleMap planned_map(int64_t base) const { return planned_map(row.passes.size(), base); }
+  /// The samples that each block has for certain: where a task of a pass is not done its block stands where it was before the pass.
+  /// The job's rounds, [0, base), count as done: what they lack is a hole of the image.
+  SampleMap settled_map(int64_t base) const;
+  /// Blocks with a task that was given up.
+  std::vector<bool> closed_blocks() const;
+  bool to_be_assembled() const { return unsettled == 0 && (row.state == FrameState::Assembling || deciding); }
   /// A task is done, or open again.
   void add_health(int64_t number, const HealthCounts& counts);
   void remove_health(int64_t number);
@@ -153,6 +163,8 @@ class Scheduler {
   bool cancel(const std::string& job_id);
   bool set_paused(const std::string& job_id, bool paused);
   bool extend(const std::string& job_id, int64_t samples);
+  /// Gives a job another target, or its first. Frames that had ended are decided anew.
+  bool set_target(const std::string& job_id, const SamplingTarget& target);
   /// For people; 0 while it has not ended.
   void set_ended_time(const std::string& job_id, int64_t unix_ms) { jobs_.at(job_id).row.ended_unix_ms = unix_ms; }
 
@@ -176,6 +188,8 @@ class Scheduler {
   void result_refused(const TaskRef& task, const std::string& reason);
   void frame_assembled(const std::string& job_id, int frame, const std::string& digest, int64_t bytes, const FrameStatistics& statistics);
   void frame_failed(const std::string& job_id, int frame, const std::string& reason);
+  /// An adaptive frame goes on: the tasks of the next pass. False where the job would have more than `max_tasks`, and nothing is done.
+  bool pass_decided(const std::string& job_id, int frame, const Decision& decision, const FrameStatistics& statistics, int64_t max_tasks);
 
   std::vector<Action> take_actions();
 
@@ -212,8 +226,11 @@ class Scheduler {
   Job* job_of(const std::string& id);
   Frame* frame_of(const TaskRef& task);
   Task* task_of(const TaskRef& task);
+  void append_tasks(Frame& frame, const std::vector<TaskArea>& areas);
   void append_round(Job& job, Frame& frame, SampleRange round);
+  void append_pass(Job& job, Frame& frame, size_t pass);
   void restore_tasks(Job& job, Frame& frame, const std::vector<SettledTask>& settled);
+  void look_up(Job& job, Frame& frame);
   void add_parts(Frame& frame, int64_t number, int64_t first_part);
   void log(const std::string& job, EventKind kind, std::optional<uint64_t> frame, const std::string& task, const std::string& worker,
            const std::string& message);

@@ -53,14 +53,22 @@ void Scheduler::log(const std::string& job, EventKind kind, std::optional<uint64
 
 std::vector<Action> Scheduler::take_actions() { return std::exchange(actions_, {}); }
 
-void Scheduler::append_round(Job& job, Frame& frame, SampleRange round) {
-  for (const TaskArea& area : task_list(frame.spec.header.bounds, job.spec.tile_size, round, job.spec.range_length)) {
+void Scheduler::append_tasks(Frame& frame, const std::vector<TaskArea>& areas) {
+  for (const TaskArea& area : areas) {
     Task task;
     task.area = area;
     frame.tasks.push_back(std::move(task));
     ++frame.unsettled;
     frame.samples_total += area.samples();
   }
+}
+
+void Scheduler::append_round(Job& job, Frame& frame, SampleRange round) {
+  append_tasks(frame, task_list(frame.spec.header.bounds, job.spec.tile_size, round, job.spec.range_length));
+}
+
+void Scheduler::append_pass(Job& job, Frame& frame, size_t pass) {
+  append_tasks(frame, pass_tasks(frame.planned_map(pass, job.spec.samples()), frame.row.passes[pass], job.spec.tile_size));
 }
 
 void Scheduler::add_job(const JobSpec& spec) {
@@ -108,6 +116,10 @@ void Scheduler::restore_tasks(Job& job, Frame& frame, const std::vector<SettledT
   };
   for (const SampleRange round : job.spec.rounds) {
     append_round(job, frame, round);
+    take_splits();
+  }
+  for (size_t pass = 0; pass < frame.row.passes.size(); ++pass) {
+    append_pass(job, frame, pass);
     take_splits();
   }
   for (const SettledTask& row : settled) {
@@ -161,7 +173,12 @@ void Scheduler::recover_job(const RecoveredJob& recovered, const std::vector<Lea
     workers_[row.worker_id].leases.insert(lease.id);
     leases_.emplace(lease.id, lease);
   }
-  for (size_t i = 0; i < job.frames.size(); ++i) check_frame(job, static_cast<int>(i));
+  for (size_t i = 0; i < job.frames.size(); ++i) {
+    check_frame(job, static_cast<int>(i));
+    // A crash may have come before the results of the pass were looked up.
+    Frame& frame = job.frames[i];
+    if (!frame.row.passes.empty() && frame.row.pinned && frame.unsettled > 0 && !has_ended(frame.row.state)) look_up(job, frame);
+  }
   update_job(job);
 }
 
@@ -170,6 +187,7 @@ bool Scheduler::cancel(const std::string& id) {
   if (!job || has_ended(job->row.state)) return false;
   for (Frame& frame : job->frames) {
     if (has_ended(frame.row.state)) continue;
+    frame.deciding = false;
     frame.row.state = FrameState::Cancelled;
     for (Task& task : frame.tasks)
       while (!task.leases.empty()) end_lease(task.leases.back(), CancelReason::JobEnded);
@@ -254,7 +272,10 @@ void Scheduler::check_frame(Job& job, int index) {
                "no task could be rendered; the first error: " + (last == frame.tasks.end() ? std::string("none") : last->error));
     return;
   }
-  frame.row.state = FrameState::Assembling;
+  if (job.spec.target)
+    frame.deciding = true;
+  else
+    frame.row.state = FrameState::Assembling;
   actions_.push_back(action::AssembleFrame{job.spec.id, index});
   update_job(job);
 }
@@ -262,6 +283,7 @@ void Scheduler::check_frame(Job& job, int index) {
 void Scheduler::fail_frame(Job& job, int index, const std::string& reason) {
   Frame& frame = job.frames[static_cast<size_t>(index)];
   if (has_ended(frame.row.state)) return;
+  frame.deciding = false;
   frame.row.state = FrameState::Failed;
   frame.row.reason = reason;
   for (Task& task : frame.tasks)
@@ -283,7 +305,8 @@ void Scheduler::frame_assembled(const std::string& id, int index, const std::str
   if (!job) return;
   Frame& frame = job->frames[static_cast<size_t>(index)];
   // Extended, reopened or cancelled meanwhile: the image is not the final one any more.
-  if (frame.row.state != FrameState::Assembling || frame.unsettled > 0) return;
+  if (!frame.to_be_assembled()) return;
+  frame.deciding = false;
   frame.row.image_digest = digest;
   frame.row.image_bytes = bytes;
   frame.row.statistics = statistics;

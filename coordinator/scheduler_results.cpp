@@ -157,11 +157,13 @@ void Scheduler::frame_pinned(const action::PinFrame& pin, const std::vector<Sett
   Job* job = job_of(id);
   if (!job) return;
   Frame& frame = job->frames[static_cast<size_t>(index)];
+  const bool first = !frame.row.pinned;
   frame.pin_pending = false;
   frame.row.pinned = true;
   frame.row.build = pin.build;
   frame.row.arithmetic_class = pin.arithmetic_class;
-  log(id, EventKind::FramePinned, frame.spec.header.frame, "", "", "pinned to build " + pin.build + " and class " + pin.arithmetic_class);
+  if (first)
+    log(id, EventKind::FramePinned, frame.spec.header.frame, "", "", "pinned to build " + pin.build + " and class " + pin.arithmetic_class);
   for (const SettledTask& row : reused) {
     Task& task = frame.tasks[static_cast<size_t>(row.number)];
     if (task.state != TaskState::Open) continue;

@@ -53,6 +53,7 @@ const std::vector<std::vector<const char*>> kUpgrades{
      "alter table results add column clamped bigint not null default 0",
      "alter table results add column majorant_violations bigint not null default 0",
      "alter table results add column truncated bigint not null default 0"},
+    {"alter table jobs add column target text not null default ''", "alter table frames add column passes text not null default ''"},
 };
 
 [[noreturn]] void refuse(const std::string& message) { throw std::runtime_error(message); }

@@ -2,6 +2,7 @@
 #include <soci/soci.h>
 
 #include <google/protobuf/util/json_util.h>
+#include <nlohmann/json.hpp>
 
 #include <charconv>
 #include <map>
@@ -57,6 +58,38 @@ std::vector<SampleRange> parse_rounds(const std::string& text) {
   return rounds;
 }
 
+/// A job's target; empty for a job without.
+std::string target_text(const std::optional<SamplingTarget>& target) {
+  return target ? nlohmann::json{{"error", target->error}, {"max_samples", target->max_samples}}.dump() : "";
+}
+
+std::optional<SamplingTarget> parse_target(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  const nlohmann::json json = nlohmann::json::parse(text);
+  return SamplingTarget{json.at("error").get<double>(), json.at("max_samples").get<int64_t>()};
+}
+
+std::string passes_text(const std::vector<std::vector<int64_t>>& passes) {
+  std::string text;
+  for (const std::vector<int64_t>& counts : passes) {
+    if (!text.empty()) text += ';';
+    text += woodcock::to_text(counts);
+  }
+  return text;
+}
+
+std::vector<std::vector<int64_t>> parse_passes(const std::string& text, PixelRect bounds) {
+  std::vector<std::vector<int64_t>> passes;
+  for (size_t at = 0; at < text.size();) {
+    const size_t end = std::min(text.find(';', at), text.size());
+    auto counts = parse_counts(std::string_view(text).substr(at, end - at), BlockGrid{bounds}.size());
+    if (!counts) throw std::runtime_error("malformed passes in the database");
+    passes.push_back(std::move(*counts));
+    at = end + 1;
+  }
+  return passes;
+}
+
 /// Runs a statement and says how many rows it changed.
 template <typename Prepared>
 Integer affected(Prepared&& prepared) {
@@ -77,15 +110,16 @@ constexpr Integer kAttemptsKept = 20;
 }  // namespace
 
 bool StoreSession::insert_job(const JobSpec& spec) {
-  const std::string settings = to_json(rpc::to_wire(spec.settings, spec.tile_size)), rounds = rounds_text(spec.rounds);
+  const std::string settings = to_json(rpc::to_wire(spec.settings, spec.tile_size)), rounds = rounds_text(spec.rounds),
+                    target = target_text(spec.target);
   const Integer tile = spec.tile_size, length = spec.range_length, priority = spec.priority, submitted = spec.submitted_unix_ms;
-  const Integer inserted = affected(
-      (sql_.prepare
-           << "insert into jobs (job_id, request_id, request_digest, name, settings, tile_size, range_length, rounds, priority,"
-              " submitted_ms, state, reason, paused, ended_ms, last_event)"
-              " values (:id, :rid, :rd, :name, :settings, :tile, :length, :rounds, :prio, :sub, 0, '', 0, 0, 0) on conflict do nothing",
-       use(spec.id), use(spec.request_id), use(spec.request_digest), use(spec.name), use(settings), use(tile), use(length), use(rounds),
-       use(priority), use(submitted)));
+  const Integer inserted = affected((
+      sql_.prepare
+          << "insert into jobs (job_id, request_id, request_digest, name, settings, tile_size, range_length, rounds, priority,"
+             " submitted_ms, state, reason, paused, ended_ms, last_event, target)"
+             " values (:id, :rid, :rd, :name, :settings, :tile, :length, :rounds, :prio, :sub, 0, '', 0, 0, 0, :ta) on conflict do nothing",
+      use(spec.id), use(spec.request_id), use(spec.request_digest), use(spec.name), use(settings), use(tile), use(length), use(rounds),
+      use(priority), use(submitted), use(target)));
   if (inserted != 1) return false;
   Integer index = 0;
   for (const FrameSpec& frame : spec.frames) {
@@ -99,21 +133,22 @@ bool StoreSession::insert_job(const JobSpec& spec) {
   return true;
 }
 
-void StoreSession::save_job(const std::string& job_id, const JobRow& row, const std::vector<SampleRange>& rounds) {
+void StoreSession::save_job(const std::string& job_id, const JobRow& row, const std::vector<SampleRange>& rounds,
+                            const std::optional<SamplingTarget>& target) {
   const Integer state = static_cast<int>(row.state), paused = row.paused, ended = row.ended_unix_ms;
-  const std::string text = rounds_text(rounds);
-  sql_ << "update jobs set state = :s, reason = :r, paused = :p, ended_ms = :e, rounds = :ro where job_id = :id", use(state),
-      use(row.reason), use(paused), use(ended), use(text), use(job_id);
+  const std::string ends = rounds_text(rounds), aim = target_text(target);
+  sql_ << "update jobs set state = :s, reason = :r, paused = :p, ended_ms = :e, rounds = :ro, target = :ta where job_id = :id", use(state),
+      use(row.reason), use(paused), use(ended), use(ends), use(aim), use(job_id);
 }
 
 void StoreSession::save_frame(const std::string& job_id, int frame, const FrameRow& row) {
   const Integer index = frame, pinned = row.pinned, state = static_cast<int>(row.state), bytes = row.image_bytes;
-  const std::string statistics = to_json(row.statistics);
+  const std::string statistics = to_json(row.statistics), passes = passes_text(row.passes);
   sql_ << "update frames set pinned = :p, build = :b, class = :c, state = :s, image_digest = :d, image_bytes = :ib, statistics = :st, "
-          "reason = :r"
+          "reason = :r, passes = :pa"
           " where job_id = :id and frame = :f",
       use(pinned), use(row.build), use(row.arithmetic_class), use(state), use(row.image_digest), use(bytes), use(statistics),
-      use(row.reason), use(job_id), use(index);
+      use(row.reason), use(passes), use(job_id), use(index);
 }
 
 bool StoreSession::commit_task(const TaskRef& task, int64_t parent, const ResultRecord& result) {
@@ -269,7 +304,7 @@ std::vector<RecoveredJob> StoreSession::load_jobs() {
   std::map<std::string, size_t> index;
   const soci::rowset<soci::row> job_rows =
       (sql_.prepare << "select job_id, request_id, request_digest, name, settings, tile_size, range_length, rounds, priority, submitted_ms,"
-                       " state, reason, paused, ended_ms, last_event from jobs order by submitted_ms, job_id");
+                       " state, reason, paused, ended_ms, last_event, target from jobs order by submitted_ms, job_id");
   for (const soci::row& r : job_rows) {
     RecoveredJob job;
     job.spec.id = r.get<std::string>(0);
@@ -280,7 +315,8 @@ std::vector<RecoveredJob> StoreSession::load_jobs() {
     job.spec.tile_size = static_cast<int>(r.get<Integer>(5));
     job.spec.range_length = r.get<Integer>(6);
     job.spec.rounds = parse_rounds(r.get<std::string>(7));
-    job.spec.settings.samples = job.spec.samples();
+    job.spec.target = parse_target(r.get<std::string>(15));
+    job.spec.settings.samples = job.spec.target ? job.spec.target->max_samples : job.spec.samples();
     job.spec.priority = static_cast<int>(r.get<Integer>(8));
     job.spec.submitted_unix_ms = r.get<Integer>(9);
     job.row = {static_cast<JobState>(r.get<Integer>(10)), r.get<std::string>(11), r.get<Integer>(12) != 0, r.get<Integer>(13),
@@ -291,7 +327,7 @@ std::vector<RecoveredJob> StoreSession::load_jobs() {
   const soci::rowset<soci::row> frame_rows =
       (sql_.prepare
        << "select job_id, header, manifest_digest, scene_file, pinned, build, class, state, image_digest, image_bytes, statistics,"
-          " reason from frames"
+          " reason, passes from frames"
           " order by job_id, frame");
   for (const soci::row& r : frame_rows) {
     RecoveredJob& job = jobs.at(index.at(r.get<std::string>(0)));
@@ -306,6 +342,7 @@ std::vector<RecoveredJob> StoreSession::load_jobs() {
     frame.image_bytes = r.get<Integer>(9);
     if (const auto text = r.get<std::string>(10); !text.empty()) frame.statistics = statistics_from_json(text);
     frame.reason = r.get<std::string>(11);
+    frame.passes = parse_passes(r.get<std::string>(12), job.spec.frames.back().header.bounds);
     job.frames.push_back(std::move(frame));
   }
   const soci::rowset<soci::row> settled_rows =

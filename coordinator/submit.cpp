@@ -1,5 +1,6 @@
 #include "coordinator/submit.h"
 
+#include <algorithm>
 #include <bit>
 #include <map>
 #include <set>
@@ -51,6 +52,26 @@ std::set<std::string> check_manifest(const std::string& digest, BlobStore& blobs
 
 }  // namespace
 
+namespace {
+
+SamplingTarget checked_target(double error, int64_t max_samples) {
+  if (!(error > 0 && error <= 1)) rpc::fail_invalid("target.error: expected a relative error above 0, at most 1");
+  if (max_samples < kFirstCount || max_samples > kMaxMapSamples) rpc::fail_invalid("target.max_samples: expected 16 to 2^24");
+  return {error, max_samples};
+}
+
+}  // namespace
+
+SamplingTarget extended_target(const JobSpec& job, int64_t samples, std::optional<double> error) {
+  const SamplingTarget present = job.target.value_or(SamplingTarget{1, std::max(job.samples(), SamplingTarget{}.max_samples)});
+  const SamplingTarget target = checked_target(error.value_or(present.error), samples != 0 ? samples : present.max_samples);
+  const int64_t least = job.target ? present.max_samples : job.samples();
+  if (target.max_samples < least)
+    rpc::fail_invalid("samples: the job has " + std::to_string(least) + " per pixel, more can be added but none taken away");
+  if (target.error > present.error) rpc::fail_invalid("target_error: the job has a target already, which can be tightened only");
+  return target;
+}
+
 JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time now, int64_t unix_ms) {
   JobSpec job;
   if (!rpc::is_identifier(request.request_id())) rpc::fail_invalid("request_id: expected 1 to 64 characters of [A-Za-z0-9-]");
@@ -66,10 +87,17 @@ JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time
   job.settings = rpc::from_wire(request.settings(), 0);
   if (!job.settings.samples) rpc::fail_invalid("settings.samples: the client must resolve the samples per pixel");
   job.rounds = {{0, *job.settings.samples}};
+  if (request.has_target()) {
+    job.target = checked_target(request.target().error(), request.target().max_samples());
+    if (*job.settings.samples != job.target->max_samples) rpc::fail_invalid("settings.samples: expected those of target.max_samples");
+    job.rounds = {{0, kFirstCount}};
+  }
   const uint32_t tile = request.settings().tile_size();
   if (tile != 0 && (tile < 8 || tile > 1024 || !std::has_single_bit(tile)))
     rpc::fail_invalid("settings.tile_size: expected a power of two from 8 to 1024");
   job.tile_size = tile == 0 ? 64 : static_cast<int>(tile);
+  // The tiles of the first pass are those of the later ones.
+  if (job.target) job.tile_size = std::min(job.tile_size, kBlockEdge);
   if (request.frames().empty() || static_cast<size_t>(request.frames_size()) > rpc::kMaxFramesPerJob)
     rpc::fail_invalid("frames: expected 1 to 10000");
 

@@ -10,6 +10,10 @@ namespace woodcock::coordinator {
 /// Tasks of a job never exceed this; range_length grows until they fit.
 int64_t choose_range_length(const std::vector<FrameSpec>& frames, int tile_size, SampleRange range);
 
+/// The target that an ExtendJob asks for: 0 samples and no error leave these as they are. Throws RpcError INVALID_ARGUMENT for fewer
+/// samples or a larger error than the job has.
+SamplingTarget extended_target(const JobSpec& job, int64_t samples, std::optional<double> error);
+
 /// Checks every field and that every blob is there (and pins them). Throws RpcError: INVALID_ARGUMENT,
 /// FAILED_PRECONDITION naming missing blobs, RESOURCE_EXHAUSTED for too many tasks.
 JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time now, int64_t unix_ms);

@@ -1,6 +1,7 @@
 #include "coordinator/task_grid.h"
 
 #include <algorithm>
+#include <bit>
 
 #include "renderer/film/split.h"
 
@@ -20,6 +21,19 @@ int64_t task_count(PixelRect bounds, int tile_size, SampleRange range, int64_t m
   for (const SampleRange node : dyadic_nodes(range)) ranges += std::max<int64_t>(1, node.size() / max_length);
   const int64_t tiles = cells(bounds.x0, bounds.x1) * cells(bounds.y0, bounds.y1);
   return ranges > kMaxSamples / tiles ? kMaxSamples : tiles * ranges;
+}
+
+std::vector<TaskArea> pass_tasks(const SampleMap& before, const std::vector<int64_t>& after, int tile_size) {
+  constexpr int64_t kShort = 64;
+  std::vector<TaskArea> tasks;
+  const BlockGrid grid = before.grid();
+  for (size_t b = 0; b < grid.size(); ++b) {
+    if (after[b] <= before.counts[b]) continue;
+    const int64_t length = std::max(kShort, static_cast<int64_t>(std::bit_floor(static_cast<uint64_t>(after[b]))) / 4);
+    for (const SampleRange range : bounded_nodes({before.counts[b], after[b]}, length))
+      for (const PixelRect tile : tile_grid(grid.block(b), std::min(tile_size, kBlockEdge))) tasks.push_back({tile, range});
+  }
+  return tasks;
 }
 
 std::vector<TaskArea> split_task(const TaskArea& task) {

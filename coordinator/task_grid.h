@@ -17,6 +17,10 @@ std::vector<TaskArea> task_list(PixelRect bounds, int tile_size, SampleRange ran
 /// The number of tasks of `task_list` without making it.
 int64_t task_count(PixelRect bounds, int tile_size, SampleRange range, int64_t max_length);
 
+/// The tasks that raise the blocks of a frame from `before` to `after`: for each block its tiles × the nodes of the samples it lacks.
+/// A long node is cut so that a block's pass is some two tasks a tile, as long as they are short.
+std::vector<TaskArea> pass_tasks(const SampleMap& before, const std::vector<int64_t>& after, int tile_size);
+
 /// What a failing task is replaced by: four quarters (two where only one edge is long) while an edge is longer than
 /// kMinTileEdge, then two halves of the range while it is longer than kMinRangeLength, then nothing. Quarters are cut at
 /// even positions of the tile so that equal tiles split alike.

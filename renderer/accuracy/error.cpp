@@ -114,7 +114,7 @@ ErrorEstimate estimate(const VisitPixels& visit, PixelWeights weights_of) {
   ErrorEstimate error;
   std::array<double, kReplicates> replicate{};
   FoldWeights sum;
-  int64_t fireflies = 0;
+  int64_t fireflies = 0, pixels_for_fireflies = 0;
   visit([&](std::span<const PixelStats> piece) {
     for (const PixelStats& pixel : piece) {
       if (pixel.missing()) {
@@ -126,6 +126,8 @@ ErrorEstimate estimate(const VisitPixels& visit, PixelWeights weights_of) {
       sum.add(weights);
       for (size_t k = 0; k < kReplicates; ++k) replicate[k] += static_cast<double>(pixel.replicate[k]);
       const double total = std::abs(mean_luminance(replicates_of(pixel), weights)) * weights.samples;
+      if (weights.samples < static_cast<double>(kFireflySamples)) continue;
+      ++pixels_for_fireflies;
       if (static_cast<double>(pixel.largest) > 0.1 * total) ++fireflies;
     }
   });
@@ -137,7 +139,7 @@ ErrorEstimate estimate(const VisitPixels& visit, PixelWeights weights_of) {
   error.degrees = std::max(0, degrees_of(weights));
   for (double& r : replicate) r /= static_cast<double>(error.pixels);
   error.image_mean = mean_luminance(replicate, weights);
-  if (error.samples >= kFireflySamples) error.firefly_share = static_cast<double>(fireflies) / static_cast<double>(error.pixels);
+  if (pixels_for_fireflies > 0) error.firefly_share = static_cast<double>(fireflies) / static_cast<double>(pixels_for_fireflies);
   if (error.degrees < 1) return error;
   error.image_mean_standard_error = std::sqrt(variance_between(replicate, weights));
   error.image_mean_half_width = student_quantile(0.5 + kConfidence / 2, error.degrees) * *error.image_mean_standard_error;

@@ -36,13 +36,13 @@ std::vector<std::string> names(SampleRange samples) {
   return list;
 }
 
-std::vector<float> values(const std::filesystem::path& file) {
+std::vector<float> values(const std::filesystem::path& file, SampleRange samples) {
   const ErrorEstimate error = estimate_error(file);
   constexpr double kMax = std::numeric_limits<float>::max();
   std::vector<float> list;
   // What a picture without a whole pixel lacks is 0; its `error.pixels` says so.
   for (const Number& number : kNumbers)
-    if (error.samples >= number.min_samples) list.push_back(film::to_float(std::clamp(number.value(error).value_or(0), -kMax, kMax)));
+    if (samples.size() >= number.min_samples) list.push_back(film::to_float(std::clamp(number.value(error).value_or(0), -kMax, kMax)));
   return list;
 }
 

@@ -54,7 +54,7 @@ struct NodeFile {
 /// here takes them for true.
 struct PictureSummary {
   std::vector<std::string> (*names)(SampleRange samples);
-  std::vector<float> (*values)(const std::filesystem::path& file);  ///< in the order of `names`
+  std::vector<float> (*values)(const std::filesystem::path& file, SampleRange samples);  ///< in the order of `names`
 };
 
 /// Writes `nodes`: one rectangle, and the dyadic nodes of one range in order. The file appears whole or not at all, and

@@ -20,7 +20,12 @@ class PartWriter {
   /// several parts to real files only). `name` is for messages.
   PartWriter(const NodeFileInfo& info, const std::string& path, OIIO::Filesystem::IOProxy* memory, std::string name,
              const PictureSummary* summary = nullptr)
-      : name_(std::move(name)), channels_(exr::channels(info.header.aovs)), rect_(info.rect), path_(path), summary_(summary) {
+      : name_(std::move(name)),
+        channels_(exr::channels(info.header.aovs)),
+        rect_(info.rect),
+        samples_(info.samples),
+        path_(path),
+        summary_(summary) {
     exr::check_info(info, name_);
     if (summary) numbers_ = summary->names(info.samples);
     for (size_t i = 0; i < exr::part_count(info); ++i) specs_.push_back(exr::part_spec(info, i, numbers_));
@@ -45,7 +50,7 @@ class PartWriter {
   void close() {
     if (part_ + 1 != specs_.size() || row_ != rect_.height()) fail("internal error: closed before the last row");
     if (!output_->close()) fail(output_->geterror());
-    if (summary_) exr::set_numbers(path_, numbers_, summary_->values(path_));
+    if (summary_) exr::set_numbers(path_, numbers_, summary_->values(path_, samples_));
   }
 
  private:
@@ -82,6 +87,7 @@ class PartWriter {
   std::string name_;
   std::vector<exr::Channel> channels_;
   PixelRect rect_;
+  SampleRange samples_;
   std::string path_;
   const PictureSummary* summary_;
   std::vector<std::string> numbers_;

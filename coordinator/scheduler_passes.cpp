@@ -1,0 +1,107 @@
+// Adaptive frames: what a pass is made of, and what follows it.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "coordinator/scheduler.h"
+#include "coordinator/task_grid.h"
+
+namespace woodcock::coordinator {
+
+namespace {
+
+/// Calls f(block) for each block of the grid that `rect` touches.
+template <typename F>
+void for_each_block(BlockGrid grid, PixelRect rect, F&& f) {
+  for (int y = rect.y0; y < rect.y1; y = (y / kBlockEdge + 1) * kBlockEdge)
+    for (int x = rect.x0; x < rect.x1; x = (x / kBlockEdge + 1) * kBlockEdge) f(grid.index(x, y));
+}
+
+}  // namespace
+
+SampleMap Frame::planned_map(size_t passes, int64_t base) const {
+  SampleMap map{spec.header.bounds, {}};
+  if (passes > 0)
+    map.counts = row.passes[passes - 1];
+  else
+    map.counts.assign(map.grid().size(), base);
+  return map;
+}
+
+SampleMap Frame::settled_map(int64_t base) const {
+  SampleMap map = planned_map(base);
+  for (const Task& task : tasks) {
+    if (task.state == TaskState::Done || task.state == TaskState::Split || task.area.range.begin < base) continue;
+    for_each_block(map.grid(), task.area.rect, [&](size_t b) {
+      int64_t before = base;
+      for (const std::vector<int64_t>& pass : row.passes)
+        if (pass[b] <= task.area.range.begin) before = std::max(before, pass[b]);
+      map.counts[b] = std::min(map.counts[b], before);
+    });
+  }
+  return map;
+}
+
+std::vector<bool> Frame::closed_blocks() const {
+  const BlockGrid grid{spec.header.bounds};
+  std::vector<bool> closed(grid.size(), false);
+  for (const Task& task : tasks)
+    if (task.state == TaskState::GivenUp) for_each_block(grid, task.area.rect, [&](size_t b) { closed[b] = true; });
+  return closed;
+}
+
+/// Asks for results that are there already, as when the frame was pinned.
+void Scheduler::look_up(Job& job, Frame& frame) {
+  frame.pin_pending = true;
+  actions_.push_back(
+      action::PinFrame{job.spec.id, static_cast<int>(&frame - job.frames.data()), frame.row.build, frame.row.arithmetic_class});
+}
+
+bool Scheduler::set_target(const std::string& id, const SamplingTarget& target) {
+  Job* job = job_of(id);
+  if (!job || job->row.state == JobState::Cancelled || job->row.state == JobState::Failed) return false;
+  if (job->spec.target == target) return true;
+  job->spec.target = target;
+  job->spec.settings.samples = target.max_samples;
+  job->row.ended_unix_ms = 0;
+  log(id, EventKind::Extended, {}, "", "",
+      fmt::format("extended to a relative error of {}, {} samples per pixel at most", target.error, target.max_samples));
+  actions_.push_back(action::SaveJob{id});
+  for (size_t i = 0; i < job->frames.size(); ++i) {
+    Frame& frame = job->frames[i];
+    if (frame.unsettled > 0) continue;
+    frame.row.state = FrameState::Running;
+    frame.row.reason.clear();
+    actions_.push_back(action::SaveFrame{id, static_cast<int>(i)});
+    check_frame(*job, static_cast<int>(i));
+  }
+  update_job(*job);
+  return true;
+}
+
+bool Scheduler::pass_decided(const std::string& id, int index, const Decision& decision, const FrameStatistics& statistics,
+                             int64_t max_tasks) {
+  Job* job = job_of(id);
+  if (!job) return true;
+  Frame& frame = job->frames[static_cast<size_t>(index)];
+  // Reopened, cancelled or given another target meanwhile: it will be decided again.
+  if (!frame.to_be_assembled()) return true;
+  auto tasks = static_cast<int64_t>(pass_tasks(frame.planned_map(job->spec.samples()), decision.counts, job->spec.tile_size).size());
+  for (const Frame& other : job->frames) tasks += static_cast<int64_t>(other.tasks.size());
+  if (tasks > max_tasks) return false;
+  frame.deciding = false;
+  frame.row.state = FrameState::Running;
+  frame.row.statistics = statistics;
+  frame.row.passes.push_back(decision.counts);
+  append_pass(*job, frame, frame.row.passes.size() - 1);
+  job->first_unfinished = 0;
+  actions_.push_back(action::SaveFrame{id, index});
+  log(id, EventKind::PassDecided, frame.spec.header.frame, "", "",
+      fmt::format("frame {}: error {:.3g} % of {:.3g} % after pass {}; {} of {} blocks go on", frame.spec.header.frame,
+                  100 * decision.error, 100 * job->spec.target->error, frame.row.passes.size(), decision.active, decision.counts.size()));
+  look_up(*job, frame);
+  update_job(*job);
+  return true;
+}
+
+}  // namespace woodcock::coordinator
