@@ -33,15 +33,8 @@ void add_estimator_options(CLI::App& command, FrameSettings& settings) {
   command.add_option("--estimator", settings.estimator, "How light is computed along a ray: see `woodcock estimators`")
       ->type_name("NAME")
       ->capture_default_str();
-  command
-      .add_option("--only", settings.only,
-                  "Terms of the transfer equation that count in media: any of absorption,emission,out-scattering,in-scattering")
-      ->type_name("TERMS")
-      ->check([](const std::string& list) { return list.empty() ? std::string("expected at least one term") : std::string(); });
   command.add_option("--step", settings.step, "Length of a step in world units, for estimators that march; they need it");
-  command.add_option("--directions", settings.directions,
-                     "Directions a step at the first scattering, or distances on the first ray, for estimators that march (default: 1)");
-  command.add_option("--branching", settings.branching, "Directions at the first bounce, for uniform-path (default: 1)");
+  add_shared_estimator_options(command, settings);
   command
       .add_option_function<std::string>(
           "--kernel", [&settings](const std::string& kernel) { settings.full_kernel = kernel == "full"; },
@@ -67,8 +60,7 @@ void add_estimator_options(CLI::App& command, FrameSettings& settings) {
 
 }  // namespace
 
-void add_frame_options(CLI::App& command, FrameSettings& settings) {
-  command.add_option("--spp", settings.samples, "Samples per pixel (default: the scene's pixelsamples)")->check(CLI::PositiveNumber);
+void add_picture_options(CLI::App& command, FrameSettings& settings) {
   command.add_option("--seed", settings.seed, "Seed of the random numbers (default: the scene's)");
   command.add_option_function<std::string>(
       "--resolution",
@@ -80,6 +72,25 @@ void add_frame_options(CLI::App& command, FrameSettings& settings) {
       "--crop",
       [&settings](const std::string& text) { settings.crop = parse_numbers<4>("--crop", text, ',', "x0,x1,y0,y1, e.g. 0,100,50,150"); },
       "Render only the pixels x0 <= x < x1, y0 <= y < y1, given as x0,x1,y0,y1");
+  command.add_flag(
+      "--allow-unsupported", settings.allow_unsupported,
+      "Render although the scene asks for something that Woodcock cannot do yet; what was left out is listed and recorded in the EXR");
+}
+
+void add_shared_estimator_options(CLI::App& command, FrameSettings& settings) {
+  command
+      .add_option("--only", settings.only,
+                  "Terms of the transfer equation that count in media: any of absorption,emission,out-scattering,in-scattering")
+      ->type_name("TERMS")
+      ->check([](const std::string& list) { return list.empty() ? std::string("expected at least one term") : std::string(); });
+  command.add_option("--directions", settings.directions,
+                     "Directions a step at the first scattering, or distances on the first ray, for estimators that march (default: 1)");
+  command.add_option("--branching", settings.branching, "Directions at the first bounce, for uniform-path (default: 1)");
+}
+
+void add_frame_options(CLI::App& command, FrameSettings& settings) {
+  command.add_option("--spp", settings.samples, "Samples per pixel (default: the scene's pixelsamples)")->check(CLI::PositiveNumber);
+  add_picture_options(command, settings);
   command.add_option("--max-depth", settings.max_depth, "Scatterings a path may have (default: the scene's maxdepth)")
       ->check(CLI::NonNegativeNumber);
   add_estimator_options(command, settings);
@@ -95,9 +106,6 @@ void add_frame_options(CLI::App& command, FrameSettings& settings) {
           },
           "Optional channels of the EXR: any of albedo,normal,depth, or none (default: all). Variance and counts are always there")
       ->type_name("LIST");
-  command.add_flag(
-      "--allow-unsupported", settings.allow_unsupported,
-      "Render although the scene asks for something that Woodcock cannot do yet; what was left out is listed and recorded in the EXR");
 }
 
 std::string options_of(const FrameSettings& settings) {

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "renderer/film/atomic_file.h"
+#include "renderer/film/node.h"
 #include "renderer/film/png.h"
 #include "renderer/film/tile.h"
 
@@ -14,6 +15,13 @@ namespace woodcock {
 
 double srgb_encode(double v) { return v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055; }
 double srgb_decode(double v) { return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4); }
+
+std::vector<float> Picture::luminances() const {
+  std::vector<float> values;
+  values.reserve(pixels.size());
+  for (const Rgb& pixel : pixels) values.push_back(film::sample_luminance(pixel));
+  return values;
+}
 
 Picture displayed(const Picture& picture) {
   Picture result = picture;

@@ -14,6 +14,8 @@ struct Picture {
   std::vector<Rgb> pixels;
 
   const Rgb& at(int x, int y) const { return pixels[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)]; }
+  /// Rec. 709, of each pixel.
+  std::vector<float> luminances() const;
 };
 
 /// The R, G, B channels of the first part of an image file. Integer formats (PNG) are taken for sRGB and decoded, the others

@@ -1,5 +1,6 @@
 #include "renderer/film/png.h"
 
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
@@ -15,6 +16,25 @@ unsigned char srgb8(float linear) {
   const float v = std::clamp(linear, 0.0f, 1.0f);
   const float encoded = v <= 0.0031308f ? 12.92f * v : 1.055f * std::pow(v, 1 / 2.4f) - 0.055f;
   return static_cast<unsigned char>(std::lround(255 * encoded));
+}
+
+std::string encode_png(int width, int height, std::span<const unsigned char> codes) {
+  const auto output = OIIO::ImageOutput::create("png");
+  if (!output) throw FilmError("PNG in memory", OIIO::geterror());
+  const auto check = [&](bool ok) {
+    if (!ok) throw FilmError("PNG in memory", output->geterror());
+  };
+  if (codes.size() != static_cast<size_t>(width) * static_cast<size_t>(height) * 3)
+    throw FilmError("PNG in memory", "the codes are not three a pixel");
+  std::vector<unsigned char> bytes;
+  OIIO::Filesystem::IOVecOutput proxy(bytes);
+  OIIO::ImageSpec spec(width, height, 3, OIIO::TypeUInt8);
+  spec.attribute("oiio:ColorSpace", "sRGB");
+  check(output->set_ioproxy(&proxy));
+  check(output->open("memory.png", spec));
+  check(output->write_image(OIIO::TypeUInt8, codes.data()));
+  check(output->close());
+  return {bytes.begin(), bytes.end()};
 }
 
 void write_png(const std::filesystem::path& exr, const std::filesystem::path& png) {

@@ -53,7 +53,7 @@ float checked_step(double step, const World& world) {
 struct FrameRenderer::Impl {
   SceneDescription scene;
   FrameHeader header;
-  std::unique_ptr<const World> world;
+  std::shared_ptr<const World> world;
   PathSettings path;
   bool low_discrepancy = false;  ///< leading points of paths
   RadianceFunction radiance = nullptr;
@@ -94,6 +94,15 @@ FrameRenderer::FrameRenderer(const std::string& scene_path, const FrameSettings&
 
 FrameRenderer::~FrameRenderer() = default;
 FrameRenderer::FrameRenderer(FrameRenderer&&) noexcept = default;
+FrameRenderer::FrameRenderer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+FrameRenderer FrameRenderer::with_seed(uint64_t seed) const {
+  auto other = std::make_unique<Impl>(*impl_);
+  other->scene.settings.seed = seed;
+  other->header.seed = seed;
+  other->path.frame_seed = frame_seed(seed, impl_->header.frame);
+  return FrameRenderer(std::move(other));
+}
 
 const FrameHeader& FrameRenderer::header() const { return impl_->header; }
 int64_t FrameRenderer::samples() const { return impl_->scene.settings.samples_per_pixel; }

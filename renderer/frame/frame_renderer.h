@@ -39,6 +39,9 @@ class FrameRenderer {
   ~FrameRenderer();
   FrameRenderer(FrameRenderer&&) noexcept;
 
+  /// The same frame with other random numbers; the compiled scene is shared, not made again.
+  FrameRenderer with_seed(uint64_t seed) const;
+
   /// The deterministic fields that every tile of this frame carries: resolution, pixel bounds, scene digest,
   /// settings digest, seed, frame, build, arithmetic class, estimator.
   const FrameHeader& header() const;
@@ -54,6 +57,7 @@ class FrameRenderer {
 
  private:
   struct Impl;
+  explicit FrameRenderer(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
 

@@ -1,0 +1,228 @@
+// `woodcock sweep`: what accuracy costs in time, estimator against estimator.
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <thread>
+
+#include "client/commands.h"
+#include "client/frame_options.h"
+#include "client/interrupt.h"
+#include "client/progress_line.h"
+#include "client/sweep_plan.h"
+#include "client/sweep_results.h"
+#include "client/sweep_run.h"
+#include "client/sweep_store.h"
+#include "renderer/core/sha256.h"
+#include "renderer/world/effect_plan.h"
+
+namespace woodcock {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Options : SweepOptions {
+  std::string counts_text = "1,2,4,...,256";
+  int threads = 0;
+  bool json = false;
+};
+
+std::string processor_name() {
+  std::ifstream in("/proc/cpuinfo");
+  for (std::string line; std::getline(in, line);)
+    if (line.rfind("model name", 0) == 0 && line.find(": ") != std::string::npos) return line.substr(line.find(": ") + 2);
+  return "unknown";
+}
+
+std::string digest_of_file(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  if (!in) throw std::runtime_error("reference " + path.string() + " cannot be read");
+  Sha256 digest;
+  digest.field(bytes);
+  return digest.hex();
+}
+
+/// Everything a second run must agree with.
+nlohmann::json identity_of(const SweepOptions& options, const SweepPlan& plan, const FrameHeader& header) {
+  nlohmann::json j = describe_plan(plan);
+  j["scene digest"] = header.scene_digest;
+  j["resolution"] = {header.width, header.height};
+  j["pixels"] = {header.bounds.x0, header.bounds.y0, header.bounds.x1, header.bounds.y1};
+  j["render build"] = header.build;
+  j["arithmetic class"] = header.arithmetic_class;
+  j["reference digest"] = options.reference.empty() ? "made here" : digest_of_file(options.reference);
+  return j;
+}
+
+/// The sweep while it goes on.
+class Sweep {
+ public:
+  Sweep(const Options& options, const SweepPlan& plan, const SweepStore& store, LocalSweep& local, SweepFindings& findings)
+      : options_(options), plan_(plan), store_(store), local_(local), findings_(findings) {}
+
+  /// False when interrupted.
+  bool run() { return references() && curves() && effects(); }
+
+ private:
+  /// One run up to a count, unless it is there.
+  bool advance(const SweepRun& run, const MeasurePicture& measure) {
+    RunRecord record = store_.load(run.id);
+    if (record.at(run.samples) != nullptr || !record.refused.empty()) return true;
+    if (interrupt_flag()) return false;
+    return local_.advance(run, store_, record, measure);
+  }
+
+  bool references() {
+    for (size_t g = 0; g < plan_.groups.size(); ++g) {
+      if (!options_.reference.empty()) {
+        findings_.references.push_back(load_reference(options_.reference, "given: " + options_.reference));
+        continue;
+      }
+      // In steps that double, so that an interrupted sweep loses little of it.
+      const std::string id = reference_id(g);
+      const auto none = [](const fs::path&) { return std::nullopt; };
+      for (int64_t n = 64; n < 2 * plan_.reference_samples; n *= 2) {
+        const SweepRun run{id, id, plan_.groups[g].reference, std::min(n, plan_.reference_samples), false};
+        if (!advance(run, none)) return false;
+      }
+      findings_.references.push_back(load_reference(store_.picture(store_.load(id).nodes), "made for this sweep by the estimator auto"));
+    }
+    return true;
+  }
+
+  bool curves() {
+    for (const SweepStep& step : sweep_order(plan_.curves.size(), plan_.seeds, plan_.counts)) {
+      const SweepCurve& curve = plan_.curves[step.curve];
+      SweepRun run{run_id(curve, step.seed), curve.id, curve.settings, step.samples, step.seed == 0};
+      run.settings.seed = plan_.first_seed + step.seed;
+      const SweepReference& reference = findings_.references[curve.group];
+      const auto measure = [&](const fs::path& exr) -> std::optional<double> {
+        return relative_mse(read_picture(exr).luminances(), reference.luminance);
+      };
+      if (!advance(run, measure)) return false;
+    }
+    return true;
+  }
+
+  bool effects() {
+    for (const SweepEffect& effect : plan_.effects) {
+      SweepRun run{effect.id, effect.id, effect.settings, plan_.effect_samples, false};
+      run.settings.seed = plan_.first_seed;
+      try {
+        if (!advance(run, [](const fs::path&) { return std::nullopt; })) return false;
+      } catch (const std::exception& error) {
+        // What cannot be left out of this scene is a finding too.
+        RunRecord record = store_.load(effect.id);
+        record.refused = error.what();
+        store_.save(effect.id, record);
+      }
+    }
+    return true;
+  }
+
+  const Options& options_;
+  const SweepPlan& plan_;
+  const SweepStore& store_;
+  LocalSweep& local_;
+  SweepFindings& findings_;
+};
+
+int run(Options& options) {
+  try {
+    options.counts = parse_counts(options.counts_text);
+  } catch (const std::invalid_argument& error) {
+    throw CLI::ValidationError("--spp", error.what());
+  }
+  const std::atomic<bool>& stop = interrupt_flag();
+  const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  ProgressLine line("sweeping", options.json);
+  uint64_t done = 0;
+  double total = 1;
+  LocalSweep local(options, threads, stop, [&](uint64_t samples) {
+    done += samples;
+    line.show(std::min(1.0, static_cast<double>(done) / total), fmt::format("{}samples", format_count(static_cast<double>(done))));
+  });
+
+  FrameSettings base = options.settings;
+  base.directions.reset();
+  base.branching.reset();
+  const FrameRenderer& scene = local.frame("as it is", base);
+  const SweepPlan plan = plan_sweep(options, scene.description().settings.max_depth, scene.description().settings.seed);
+  // What cannot be rendered is said before hours are spent on the rest.
+  for (const SweepCurve& curve : plan.curves) local.frame(curve.id, curve.settings);
+  const FrameHeader& header = scene.header();
+  const SweepStore store(options.folder, identity_of(options, plan, header));
+  total = static_cast<double>(header.bounds.area()) * (static_cast<double>(plan.reference_samples * static_cast<int64_t>(plan.groups.size())) +
+                                static_cast<double>(plan.counts.back()) * static_cast<double>(plan.seeds * plan.curves.size()) +
+                                static_cast<double>(plan.effect_samples * static_cast<int64_t>(plan.effects.size())));
+
+  SweepFindings findings;
+  findings.plan = &plan;
+  findings.store = &store;
+  findings.title = "Sweep of " + fs::path(options.scene).filename().string();
+  for (const EffectEntry& e : plan_effects(scene.description(), scene.world())) findings.effect_plan.push_back({e.effect, e.needed, e.reason});
+  findings.facts = {{"scene", fs::path(options.scene).filename().string()},
+                    {"scene digest", header.scene_digest},
+                    {"resolution", fmt::format("{}x{} pixels", header.width, header.height)},
+                    {"depth limit", std::to_string(scene.description().settings.max_depth)},
+                    {"seeds", fmt::format("{}, the first is {}", plan.seeds, plan.first_seed)},
+                    {"processor", fmt::format("{}, {} threads of {}", processor_name(), threads, std::thread::hardware_concurrency())},
+                    {"render build", header.build},
+                    {"arithmetic class", header.arithmetic_class}};
+
+  Sweep sweep(options, plan, store, local, findings);
+  const bool complete = sweep.run();
+  line.finish();
+  if (findings.references.size() < plan.groups.size()) {
+    fmt::print(stderr, "interrupted before the reference was finished: run the same command again to go on\n");
+    return 3;
+  }
+  const std::string state = write_results(findings);
+  if (options.json) {
+    fmt::print("{}\n", nlohmann::json{{"folder", options.folder}, {"complete", complete}, {"state", state}, {"report", (fs::path(options.folder) / "report.html").string()}}.dump(2));
+  } else {
+    fmt::print("{}\n{}: the report\n", state, (fs::path(options.folder) / "report.html").string());
+  }
+  return complete ? 0 : 3;
+}
+
+}  // namespace
+
+void add_sweep_command(CLI::App& app, int& code) {
+  auto* command = app.add_subcommand("sweep", "Measure the error of estimators over samples and CPU time, and write a report");
+  auto options = std::make_shared<Options>();
+  command->add_option("scene", options->scene, "Scene file in pbrt-v4 format")->required();
+  command->add_option("-o,--output", options->folder, "Folder for results and report; a sweep that is there goes on")->required();
+  command->add_option("--spp", options->counts_text, "Samples per pixel; \"...\" goes on by the same factor")->type_name("LIST")->capture_default_str();
+  command->add_option("--estimators", options->estimators, "Estimators: see `woodcock estimators`")->delimiter(',')->type_name("LIST")->capture_default_str();
+  command->add_option("--step", options->steps, "Lengths of a step in world units: each estimator that marches, with each")->delimiter(',')->type_name("LIST");
+  command->add_option("--max-depth", options->depths, "Scatterings a path may have: each estimator with each, against the deepest")
+      ->delimiter(',')
+      ->type_name("LIST")
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--seeds", options->seeds, "Independent pictures of each; intervals are those between them")
+      ->check(CLI::Range(1, kMostSeeds))
+      ->capture_default_str();
+  command->add_option("--reference", options->reference, "EXR to measure against (default: one is made by auto)")->check(CLI::ExistingFile);
+  command->add_option("--reference-spp", options->reference_samples, "Samples of the reference that is made (default: 4 times the largest count)")
+      ->check(CLI::PositiveNumber)->excludes("--reference");
+  command->add_flag("--effects", options->effects, "Also measure what each feature and effect costs, by leaving it out of auto");
+  add_picture_options(*command, options->settings);
+  add_shared_estimator_options(*command, options->settings);
+  command->add_option("--threads", options->threads, "Threads (default: one for each processor)")->check(CLI::Range(1, 1024));
+  command->add_flag("--allow-outside-files", options->allow_outside_files, "Let the scene read files outside its own folder");
+  command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
+  command->footer(
+      "Examples:\n"
+      "  woodcock sweep scenes/paper/fig08.pbrt --estimators march,woodcock,auto --step 0.4,0.1 --spp 1,2,4,...,256 -o sweep\n"
+      "  woodcock sweep scenes/cloud.pbrt --max-depth 1,2,4,8,16,32 --resolution 160x90 -o depth     how deep must paths go?\n"
+      "Ctrl-C leaves a report of what is there (exit code 3); the same command goes on.");
+  command->callback([options, &code] { code = run(*options); });
+}
+
+}  // namespace woodcock

@@ -1,0 +1,89 @@
+#include "client/sweep_run.h"
+
+#include <fmt/format.h>
+#include <time.h>
+
+#include <algorithm>
+
+#include "client/local_render.h"
+#include "renderer/film/exr.h"
+
+namespace woodcock {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr int kTileSize = 16;
+
+/// CPU time of all threads of this process, the renderers of which are all that runs meanwhile.
+double cpu_seconds() {
+  timespec t{};
+  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+std::vector<Tile> earlier_nodes(const fs::path& path, const FrameHeader& header) {
+  NodeFile file = read_exr(path);
+  const std::string difference = header_difference(file.info.header, path.string(), header, "this sweep");
+  if (!difference.empty()) throw FilmError(path.string(), "cannot be gone on with: " + difference);
+  return std::move(file.nodes);
+}
+
+bool has_missing_pixels(const std::vector<Tile>& nodes) {
+  return std::any_of(nodes.begin(), nodes.end(), [](const Tile& tile) {
+    return std::any_of(tile.pixels.begin(), tile.pixels.end(), [](const PixelStats& pixel) { return pixel.missing(); });
+  });
+}
+
+}  // namespace
+
+std::string nodes_name(const SweepRun& run, int64_t samples) { return fmt::format("{}-{}spp.exr", run.id, samples); }
+
+void replace_nodes(const SweepRun& run, const SweepStore& store, RunRecord& record, const std::string& name) {
+  const std::string old = record.nodes;
+  record.nodes = name;
+  store.save(run.id, record);
+  const bool kept = std::any_of(record.points.begin(), record.points.end(), [&](const RunPoint& p) { return p.picture == old; });
+  if (!old.empty() && old != name && !kept) fs::remove(store.picture(old));
+}
+
+LocalSweep::LocalSweep(const SweepOptions& options, int threads, const std::atomic<bool>& stop, std::function<void(uint64_t samples)> tick)
+    : options_(options), threads_(threads), stop_(stop), tick_(std::move(tick)) {}
+
+const FrameRenderer& LocalSweep::frame(const std::string& curve, const FrameSettings& settings) {
+  const auto known = frames_.find(curve);
+  if (known != frames_.end()) return known->second;
+  ReadOptions read;
+  read.allow_outside_files = options_.allow_outside_files;
+  return frames_.emplace(curve, FrameRenderer(options_.scene, settings, read)).first->second;
+}
+
+bool LocalSweep::advance(const SweepRun& run, const SweepStore& store, RunRecord& record, const MeasurePicture& measure) {
+  const FrameRenderer frame = this->frame(run.curve, run.settings).with_seed(*run.settings.seed);
+  std::vector<Tile> earlier;
+  if (!record.nodes.empty()) earlier = earlier_nodes(store.picture(record.nodes), frame.header());
+  RenderProgress progress;
+  uint64_t told = 0;
+  const auto tell = [&] {
+    const uint64_t now = progress.samples;
+    tick_(now - std::exchange(told, now));
+  };
+  const double start = cpu_seconds();
+  const LocalRender result =
+      render_locally(frame, {record.samples, run.samples}, std::move(earlier), kTileSize, threads_, progress, stop_, tell);
+  const double seconds = cpu_seconds() - start;
+  tell();
+  // An interrupted first pass is no picture.
+  if (result.samples.end == record.samples || has_missing_pixels(result.nodes)) return false;
+  const std::string name = nodes_name(run, result.samples.end);
+  write_exr(store.picture(name), frame.header(), result.nodes);
+  record.samples = result.samples.end;
+  record.cpu_seconds += seconds;
+  if (result.complete) {
+    const auto own = estimate_error(store.picture(name)).relative_mse;
+    record.points.push_back({run.samples, record.cpu_seconds, measure(store.picture(name)), own, run.keep ? name : std::string()});
+  }
+  replace_nodes(run, store, record, name);
+  return result.complete;
+}
+
+}  // namespace woodcock
