@@ -15,6 +15,7 @@
 
 #include "client/background_program.h"
 #include "client/commands.h"
+#include "client/run_program.h"
 #include "client/service.h"
 #include "renderer/frame/frame_renderer.h"
 
@@ -123,26 +124,22 @@ Check check_coordinator(const ServiceOptions& options) {
   }
 }
 
-bool on_path(const std::string& program) {
-  const char* path = std::getenv("PATH");
-  std::string list = path == nullptr ? "" : path;
-  for (size_t begin = 0; begin <= list.size();) {
-    const size_t end = std::min(list.find(':', begin), list.size());
-    if (::access((fs::path(list.substr(begin, end - begin)) / program).c_str(), X_OK) == 0) return true;
-    begin = end + 1;
-  }
-  return false;
-}
-
 Check check_tools() {
-  if (on_path("bwrap")) return {"sandbox", Finding::kGood, "bubblewrap is there", ""};
+  if (!find_program("bwrap").empty()) return {"sandbox", Finding::kGood, "bubblewrap is there", ""};
   return {"sandbox", Finding::kNote, "bubblewrap is not installed",
           "for scenes of strangers run workers as a user of their own, or in a container"};
 }
 
+Check check_plots() {
+  if (!find_program("gnuplot").empty()) return {"plots", Finding::kGood, "gnuplot is there", ""};
+  return {"plots", Finding::kNote, "gnuplot is not installed",
+          "woodcock sweep then writes tables without plots; Debian: apt install gnuplot-nox"};
+}
+
 int run(const DoctorOptions& options) {
-  const std::vector<Check> checks{check_processor(),  check_memory(),   check_clock(), check_disk(options.folder),        check_build(),
-                                  check_arithmetic(), check_programs(), check_tools(), check_coordinator(options.service)};
+  const std::vector<Check> checks{
+      check_processor(), check_memory(), check_clock(), check_disk(options.folder),        check_build(), check_arithmetic(),
+      check_programs(),  check_tools(),  check_plots(), check_coordinator(options.service)};
   bool healthy = true;
   nlohmann::json report{{"checks", nlohmann::json::array()}};
   for (const Check& check : checks) {

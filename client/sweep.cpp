@@ -59,6 +59,15 @@ nlohmann::json identity_of(const SweepOptions& options, const SweepPlan& plan, c
   return j;
 }
 
+/// A reference that is given, checked before anything is rendered. Throws FilmError where it is of another size.
+SweepReference given_reference(const fs::path& path, PixelRect bounds) {
+  SweepReference reference = load_reference(path, "given: " + path.filename().string());
+  if (reference.picture.width != bounds.width() || reference.picture.height != bounds.height())
+    throw FilmError(path.string(), fmt::format("is {}x{} pixels, the sweep's pictures are {}x{}", reference.picture.width,
+                                               reference.picture.height, bounds.width(), bounds.height()));
+  return reference;
+}
+
 /// The sweep while it goes on.
 class Sweep {
  public:
@@ -78,17 +87,15 @@ class Sweep {
   }
 
   bool references() {
-    for (size_t g = 0; g < plan_.groups.size(); ++g) {
-      if (!options_.reference.empty()) {
-        findings_.references.push_back(load_reference(options_.reference, "given: " + options_.reference));
-        continue;
-      }
+    for (size_t g = findings_.references.size(); g < plan_.groups.size(); ++g) {
       // In steps that double, so that an interrupted sweep loses little of it.
       const std::string id = reference_id(g);
       const auto none = [](const fs::path&) { return std::nullopt; };
-      for (int64_t n = 64; n < 2 * plan_.reference_samples; n *= 2) {
-        const SweepRun run{id, id, plan_.groups[g].reference, std::min(n, plan_.reference_samples), false};
+      SweepRun run{id, id, plan_.groups[g].reference, std::min<int64_t>(64, plan_.reference_samples), false};
+      while (true) {
         if (!advance(run, none)) return false;
+        if (run.samples == plan_.reference_samples) break;
+        run.samples = run.samples < plan_.reference_samples / 2 ? 2 * run.samples : plan_.reference_samples;
       }
       findings_.references.push_back(load_reference(store_.picture(store_.load(id).nodes), "made for this sweep by the estimator auto"));
     }
@@ -132,6 +139,15 @@ class Sweep {
   SweepFindings& findings_;
 };
 
+/// The plan; what makes no sense is wrong usage.
+SweepPlan plan_or_usage(const SweepOptions& options, int scene_depth, uint64_t scene_seed) {
+  try {
+    return plan_sweep(options, scene_depth, scene_seed);
+  } catch (const std::invalid_argument& error) {
+    throw CLI::ValidationError(std::string("--") + error.what());
+  }
+}
+
 int run(Options& options) {
   try {
     options.counts = parse_counts(options.counts_text);
@@ -152,20 +168,24 @@ int run(Options& options) {
   base.directions.reset();
   base.branching.reset();
   const FrameRenderer& scene = local.frame("as it is", base);
-  const SweepPlan plan = plan_sweep(options, scene.description().settings.max_depth, scene.description().settings.seed);
+  const RenderSettings& own = scene.description().settings;
+  const SweepPlan plan = plan_or_usage(options, own.max_depth, own.seed);
   // What cannot be rendered is said before hours are spent on the rest.
   for (const SweepCurve& curve : plan.curves) local.frame(curve.id, curve.settings);
   const FrameHeader& header = scene.header();
-  const SweepStore store(options.folder, identity_of(options, plan, header));
-  total = static_cast<double>(header.bounds.area()) * (static_cast<double>(plan.reference_samples * static_cast<int64_t>(plan.groups.size())) +
-                                static_cast<double>(plan.counts.back()) * static_cast<double>(plan.seeds * plan.curves.size()) +
-                                static_cast<double>(plan.effect_samples * static_cast<int64_t>(plan.effects.size())));
-
   SweepFindings findings;
+  if (!options.reference.empty()) findings.references.push_back(given_reference(options.reference, header.bounds));
+  const SweepStore store(options.folder, identity_of(options, plan, header));
+  total = static_cast<double>(header.bounds.area()) *
+          (static_cast<double>(plan.reference_samples * static_cast<int64_t>(plan.groups.size())) +
+           static_cast<double>(plan.counts.back()) * static_cast<double>(plan.seeds * plan.curves.size()) +
+           static_cast<double>(plan.effect_samples * static_cast<int64_t>(plan.effects.size())));
+
   findings.plan = &plan;
   findings.store = &store;
   findings.title = "Sweep of " + fs::path(options.scene).filename().string();
-  for (const EffectEntry& e : plan_effects(scene.description(), scene.world())) findings.effect_plan.push_back({e.effect, e.needed, e.reason});
+  for (const EffectEntry& e : plan_effects(scene.description(), scene.world()))
+    findings.effect_plan.push_back({e.effect, e.needed, e.reason});
   findings.facts = {{"scene", fs::path(options.scene).filename().string()},
                     {"scene digest", header.scene_digest},
                     {"resolution", fmt::format("{}x{} pixels", header.width, header.height)},
@@ -184,7 +204,11 @@ int run(Options& options) {
   }
   const std::string state = write_results(findings);
   if (options.json) {
-    fmt::print("{}\n", nlohmann::json{{"folder", options.folder}, {"complete", complete}, {"state", state}, {"report", (fs::path(options.folder) / "report.html").string()}}.dump(2));
+    fmt::print("{}\n", nlohmann::json{{"folder", options.folder},
+                                      {"complete", complete},
+                                      {"state", state},
+                                      {"report", (fs::path(options.folder) / "report.html").string()}}
+                           .dump(2));
   } else {
     fmt::print("{}\n{}: the report\n", state, (fs::path(options.folder) / "report.html").string());
   }
@@ -198,9 +222,16 @@ void add_sweep_command(CLI::App& app, int& code) {
   auto options = std::make_shared<Options>();
   command->add_option("scene", options->scene, "Scene file in pbrt-v4 format")->required();
   command->add_option("-o,--output", options->folder, "Folder for results and report; a sweep that is there goes on")->required();
-  command->add_option("--spp", options->counts_text, "Samples per pixel; \"...\" goes on by the same factor")->type_name("LIST")->capture_default_str();
-  command->add_option("--estimators", options->estimators, "Estimators: see `woodcock estimators`")->delimiter(',')->type_name("LIST")->capture_default_str();
-  command->add_option("--step", options->steps, "Lengths of a step in world units: each estimator that marches, with each")->delimiter(',')->type_name("LIST");
+  command->add_option("--spp", options->counts_text, "Samples per pixel; \"...\" goes on by the same factor")
+      ->type_name("LIST")
+      ->capture_default_str();
+  command->add_option("--estimators", options->estimators, "Estimators: see `woodcock estimators`")
+      ->delimiter(',')
+      ->type_name("LIST")
+      ->capture_default_str();
+  command->add_option("--step", options->steps, "Lengths of a step in world units: each estimator that marches, with each")
+      ->delimiter(',')
+      ->type_name("LIST");
   command->add_option("--max-depth", options->depths, "Scatterings a path may have: each estimator with each, against the deepest")
       ->delimiter(',')
       ->type_name("LIST")
@@ -209,8 +240,11 @@ void add_sweep_command(CLI::App& app, int& code) {
       ->check(CLI::Range(1, kMostSeeds))
       ->capture_default_str();
   command->add_option("--reference", options->reference, "EXR to measure against (default: one is made by auto)")->check(CLI::ExistingFile);
-  command->add_option("--reference-spp", options->reference_samples, "Samples of the reference that is made (default: 4 times the largest count)")
-      ->check(CLI::PositiveNumber)->excludes("--reference");
+  command
+      ->add_option("--reference-spp", options->reference_samples,
+                   "Samples of the reference that is made (default: 4 times the largest count)")
+      ->check(CLI::PositiveNumber)
+      ->excludes("--reference");
   command->add_flag("--effects", options->effects, "Also measure what each feature and effect costs, by leaving it out of auto");
   add_picture_options(*command, options->settings);
   add_shared_estimator_options(*command, options->settings);

@@ -20,8 +20,7 @@ constexpr uint64_t kReferenceSeed = uint64_t{1} << 62;
 /// A name as a part of a file name.
 std::string file_word(const std::string& name) {
   std::string word;
-  for (const char c : name)
-    word += std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '.' || c == '_' ? c : '-';
+  for (const char c : name) word += std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '.' || c == '_' ? c : '-';
   return word.substr(0, 80);
 }
 
@@ -71,7 +70,8 @@ void add_curves(const SweepOptions& options, size_t group, int deepest, SweepPla
           curve.settings.max_depth = *depth;
           curve.name += fmt::format(", depth {}", *depth);
           if (*depth < deepest)
-            curve.bias += fmt::format("{}paths end after {} scatterings, those of the reference after {}", curve.bias.empty() ? "" : "; ", *depth, deepest);
+            curve.bias += fmt::format("{}paths end after {} scatterings, those of the reference after {}", curve.bias.empty() ? "" : "; ",
+                                      *depth, deepest);
         }
         resolve_estimator(curve.settings);
         if (!plan.groups[group].setting.empty()) curve.name += ", " + plan.groups[group].setting;
@@ -101,7 +101,8 @@ void add_effects(const SweepOptions& options, SweepPlan& plan) {
   full.full_kernel = true;
   add("the scene's own kernel (--kernel full)", false, full);
   const TransferTerms terms = parse_terms(all.only);
-  for (const auto member : {&TransferTerms::absorption, &TransferTerms::emission, &TransferTerms::out_scattering, &TransferTerms::in_scattering}) {
+  for (const auto member :
+       {&TransferTerms::absorption, &TransferTerms::emission, &TransferTerms::out_scattering, &TransferTerms::in_scattering}) {
     TransferTerms rest = terms, left_out{false, false, false, false};
     if (!(terms.*member)) continue;
     rest.*member = false;
@@ -119,20 +120,23 @@ SweepPlan plan_sweep(const SweepOptions& options, int scene_depth, uint64_t scen
   refuse_twice(options.steps, "step");
   refuse_twice(options.depths, "max-depth");
   refuse_unused(options, !options.steps.empty(), "step", [](const EstimatorInfo& e) { return e.step; });
-  refuse_unused(options, options.settings.directions.has_value(), "directions", [](const EstimatorInfo& e) { return e.takes_directions(); });
+  refuse_unused(options, options.settings.directions.has_value(), "directions",
+                [](const EstimatorInfo& e) { return e.takes_directions(); });
   refuse_unused(options, options.settings.branching.has_value(), "branching", [](const EstimatorInfo& e) { return e.branching; });
   SweepPlan plan;
   plan.counts = options.counts;
   plan.seeds = static_cast<size_t>(options.seeds);
   plan.first_seed = options.settings.seed.value_or(scene_seed);
-  const int deepest = options.depths.empty() ? scene_depth : std::max(scene_depth, *std::max_element(options.depths.begin(), options.depths.end()));
+  const int deepest =
+      options.depths.empty() ? scene_depth : std::max(scene_depth, *std::max_element(options.depths.begin(), options.depths.end()));
   SweepGroup group{"", settings_of(options, *find_estimator("auto"))};
   group.reference.seed = plan.first_seed ^ kReferenceSeed;
   group.reference.max_depth = deepest;
   plan.groups.push_back(group);
   add_curves(options, 0, deepest, plan);
   if (plan.curves.size() > kMostCurves)
-    throw std::invalid_argument(fmt::format("found {} curves (estimators times values), expected at most {}", plan.curves.size(), kMostCurves));
+    throw std::invalid_argument(
+        fmt::format("found {} curves (estimators times values), expected at most {}", plan.curves.size(), kMostCurves));
   if (options.reference.empty())
     plan.reference_samples = options.reference_samples > 0 ? options.reference_samples : kReferenceFactor * plan.counts.back();
   if (options.effects) {

@@ -52,7 +52,7 @@ struct SweepRun {
 
 /// The pictures that share a reference: those of one physical setting of the scene.
 struct SweepGroup {
-  std::string setting;       ///< for people; empty for the scene as it is
+  std::string setting;      ///< for people; empty for the scene as it is
   FrameSettings reference;  ///< of a reference that is made
 };
 

@@ -70,7 +70,12 @@ std::string png_of(const Picture& picture, float exposure) {
 
 ReportPicture picture_of(const SweepFindings& f, const RunPoint& point, const SweepReference& reference) {
   const Picture picture = read_picture(f.store->picture(point.picture));
-  ReportPicture result{{}, png_of(picture, exposure_of(reference)), picture.width, picture.height, point.samples, point.cpu_seconds,
+  ReportPicture result{{},
+                       png_of(picture, exposure_of(reference)),
+                       picture.width,
+                       picture.height,
+                       point.samples,
+                       point.cpu_seconds,
                        std::max(0.0, point.relative_mse.value_or(0) - reference.relative_mse)};
   double mean = 0;
   for (const float r : reference.luminance) mean += static_cast<double>(r) / static_cast<double>(reference.luminance.size());
@@ -114,6 +119,7 @@ std::string plotted(const fs::path& folder, const std::string& name, const fs::p
     return {};
   }
   fs::remove(log);
+  fs::remove(script);
   std::ifstream in(svg, std::ios::binary);
   return inline_svg({std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()});
 }
@@ -174,7 +180,8 @@ std::string csv_of(const SweepFindings& f, const std::vector<Curve>& curves) {
     return result + "\"";
   };
   std::string text =
-      "curve,estimator,setting,seed,samples_per_pixel,cpu_seconds,relative_mse_raw,reference_relative_mse,relative_mse,relative_error_percent,"
+      "curve,estimator,setting,seed,samples_per_pixel,cpu_seconds,relative_mse_raw,reference_relative_mse,relative_mse,relative_error_"
+      "percent,"
       "own_relative_mse\n";
   for (size_t i = 0; i < curves.size(); ++i) {
     const SweepCurve& planned = f.plan->curves[i];
@@ -212,11 +219,11 @@ nlohmann::json curve_json(const SweepFindings& f, size_t index, const Curve& cur
     if (c.half_width) j["counts"].back()["half_width"] = *c.half_width;
   }
   if (s.slope) {
-    j["slope_of_mse"] = {{"value", s.slope->value}, {"from", s.slope->from}, {"to", s.slope->to}, {"falls_with_samples", s.slope->falls_with_samples()}};
+    j["slope_of_mse"] = {
+        {"value", s.slope->value}, {"from", s.slope->from}, {"to", s.slope->to}, {"falls_with_samples", s.slope->falls_with_samples()}};
     if (s.slope->half_width) j["slope_of_mse"]["half_width"] = *s.slope->half_width;
   }
-  if (s.floor)
-    j["bias_floor"] = {{"relative_mse", s.floor->relative_mse}, {"half_width", s.floor->half_width}, {"seen", s.floor->seen()}};
+  if (s.floor) j["bias_floor"] = {{"relative_mse", s.floor->relative_mse}, {"half_width", s.floor->half_width}, {"seen", s.floor->seen()}};
   if (s.efficiency)
     j["efficiency"] = {{"value", s.efficiency->value}, {"half_width", s.efficiency->half_width}, {"at_samples", s.efficiency_at}};
   for (const double e : kTableErrors) j["time_to_error"][fmt::format("{}", e)] = time_json(time_to_error(s, e));
@@ -224,12 +231,16 @@ nlohmann::json curve_json(const SweepFindings& f, size_t index, const Curve& cur
 }
 
 nlohmann::json json_of(const SweepFindings& f, const std::vector<Curve>& curves, const SweepReport& report) {
-  nlohmann::json j{{"title", report.title}, {"state", report.state}, {"curves", nlohmann::json::array()}, {"effects", nlohmann::json::array()}};
+  nlohmann::json j{
+      {"title", report.title}, {"state", report.state}, {"curves", nlohmann::json::array()}, {"effects", nlohmann::json::array()}};
   for (const auto& [key, value] : f.facts) j["facts"][key] = value;
   for (size_t i = 0; i < curves.size(); ++i) j["curves"].push_back(curve_json(f, i, curves[i]));
   for (const SweepReference& r : f.references) j["references"].push_back({{"what", r.what}, {"relative_mse", r.relative_mse}});
   for (const EffectCost& e : report.effects) {
-    nlohmann::json entry{{"left_out", e.left_out}, {"changes_picture", e.changes_picture}, {"seconds_per_sample", e.seconds_per_sample}, {"samples", e.samples}};
+    nlohmann::json entry{{"left_out", e.left_out},
+                         {"changes_picture", e.changes_picture},
+                         {"seconds_per_sample", e.seconds_per_sample},
+                         {"samples", e.samples}};
     if (e.relative_mse) entry["relative_mse"] = *e.relative_mse;
     if (!e.refused.empty()) entry["refused"] = e.refused;
     j["effects"].push_back(entry);

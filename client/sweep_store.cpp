@@ -19,7 +19,8 @@ nlohmann::json read_json(const fs::path& path) {
   std::ifstream in(path, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
   nlohmann::json j = nlohmann::json::parse(text, nullptr, false);
-  if (!in || j.is_discarded()) throw std::runtime_error(path.string() + " cannot be read as JSON: delete the folder or name another with -o");
+  if (!in || j.is_discarded())
+    throw std::runtime_error(path.string() + " cannot be read as JSON: delete the folder or name another with -o");
   return j;
 }
 
@@ -55,8 +56,9 @@ SweepStore::SweepStore(fs::path folder, const nlohmann::json& plan) : folder_(st
   const fs::path file = folder_ / "sweep.json";
   if (fs::exists(file)) {
     if (const std::string text = differences(read_json(file), plan); !text.empty())
-      throw std::runtime_error(fmt::format("{} holds another sweep, which this one cannot go on with: name another folder with -o, or ask for the same{}",
-                                           folder_.string(), text));
+      throw std::runtime_error(
+          fmt::format("{} holds another sweep, which this one cannot go on with: name another folder with -o, or ask for the same{}",
+                      folder_.string(), text));
   } else if (fs::exists(folder_) && !fs::is_empty(folder_)) {
     throw std::runtime_error(folder_.string() + " is not empty and holds no sweep: name another folder with -o");
   }
@@ -78,7 +80,8 @@ RunRecord SweepStore::load(const std::string& id) const {
       record.points.push_back(
           {p.at("samples"), p.at("cpu_seconds"), optional(p.at("relative_mse")), optional(p.at("own_relative_mse")), p.at("picture")});
   } catch (const nlohmann::json::exception& error) {
-    throw std::runtime_error(fmt::format("{} is no record of a run ({}): delete it, and the run starts again", path.string(), error.what()));
+    throw std::runtime_error(
+        fmt::format("{} is no record of a run ({}): delete it, and the run starts again", path.string(), error.what()));
   }
   return record;
 }

@@ -23,12 +23,12 @@ struct RunPoint {
 
 /// One curve and seed: a node file that grows, and what was found on its way.
 struct RunRecord {
-  int64_t samples = 0;      ///< of the node file; where a run was interrupted it may lie between two points
-  double cpu_seconds = 0;   ///< of all of them
-  std::string nodes;        ///< file name; empty at 0 samples
+  int64_t samples = 0;     ///< of the node file; where a run was interrupted it may lie between two points
+  double cpu_seconds = 0;  ///< of all of them
+  std::string nodes;       ///< file name; empty at 0 samples
   std::vector<RunPoint> points;
-  std::string job;          ///< of the service that rendered them; empty where they were rendered here
-  std::string refused;      ///< why it cannot be rendered at all
+  std::string job;      ///< of the service that rendered them; empty where they were rendered here
+  std::string refused;  ///< why it cannot be rendered at all
 
   const RunPoint* at(int64_t count) const;
 };

@@ -108,6 +108,17 @@ std::optional<Slope> fit_slope(std::span<const std::vector<SweepPoint>> seeds, s
   return Slope{mean_of(slopes), half_width_of(slopes), counts.front().samples, counts.back().samples};
 }
 
+/// The slope, its interval widened by what the floor's own interval leaves open.
+std::optional<Slope> fit_slope(std::span<const std::vector<SweepPoint>> seeds, std::span<const CountSummary> counts, double known,
+                               double uncertainty) {
+  auto slope = fit_slope(seeds, counts, known);
+  if (!slope || !slope->half_width || !(uncertainty > 0)) return slope;
+  // With less taken off: the noise stays positive.
+  if (const auto other = fit_slope(seeds, counts, known - uncertainty))
+    slope->half_width = std::hypot(*slope->half_width, other->value - slope->value);
+  return slope;
+}
+
 /// 1/mean of noise × time over the seeds.
 std::optional<Estimate> fit_efficiency(std::span<const std::vector<SweepPoint>> seeds, int64_t samples, double known) {
   std::vector<double> products;
@@ -221,7 +232,7 @@ CurveSummary summarise_curve(std::span<const std::vector<SweepPoint>> seeds, dou
     noisy.push_back(count);
   }
   if (noisy.empty()) return curve;
-  curve.slope = fit_slope(seeds, noisy, known);
+  curve.slope = fit_slope(seeds, noisy, known, curve.floor_mse() > 0 ? floor->half_width : 0);
   curve.efficiency_at = noisy.back().samples;
   curve.efficiency = fit_efficiency(seeds, curve.efficiency_at, known);
   return curve;

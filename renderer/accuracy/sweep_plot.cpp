@@ -88,7 +88,8 @@ std::string error_plot(std::span<const PlottedCurve> curves, SweepAxis axis, con
     const size_t style = curves[i].style;
     const std::string colour = style_colour(style);
     data += data_of(curves[i], axis, i);
-    plots.push_back(fmt::format("$curve{} using 1:2:3:4 with yerrorbars notitle lc rgb '{}' lw 1.5 pt {} ps 0.01", i, colour, kShapes[style % 10]));
+    plots.push_back(
+        fmt::format("$curve{} using 1:2:3:4 with yerrorbars notitle lc rgb '{}' lw 1.5 pt {} ps 0.01", i, colour, kShapes[style % 10]));
     plots.push_back(fmt::format("$curve{} using 1:2 with linespoints title {} lc rgb '{}' lw 2.2 pt {} ps 0.9", i, quoted(curves[i].name),
                                 colour, kShapes[style % 10]));
     if (const double floor = summary.floor_mse(); floor > 0)
@@ -99,17 +100,23 @@ std::string error_plot(std::span<const PlottedCurve> curves, SweepAxis axis, con
   Frame f = frame_of(curves, axis);
   // Room for one count alone, and for the line of slope -1/2 above the curves.
   if (f.x0 == f.x1) f.x0 /= 2, f.x1 *= 2;
-  plots.push_back(fmt::format("{} * (x / {}) ** -0.5 with lines title 'slope −1/2 (error halves for 4 times the {})' lc rgb '#777777' lw 1.5 dt 2",
-                              1.4 * f.y1, f.x0, over_samples ? "samples" : "time"));
+  plots.push_back(fmt::format("{} * (x / {}) ** -0.5 with lines title 'slope −1/2' lc rgb '#777777' lw 1.5 dt 2", 1.4 * f.y1, f.x0));
+  // Titles stand below in two columns.
+  const auto lines =
+      std::count_if(plots.begin(), plots.end(), [](const std::string& plot) { return plot.find(" title ") != std::string::npos; });
   std::string script = fmt::format(
-      "set terminal svg noenhanced size 940,640 font 'sans-serif,15' background '#ffffff'\n"
+      "set terminal svg noenhanced size 960,{} font 'sans-serif,15' background '#ffffff'\n"
       "set encoding utf8\nset output {}\n",
-      quoted(output));
+      480 + 26 * ((lines + 1) / 2 + 1), quoted(output));
   script += fmt::format("set xlabel '{}'\nset ylabel 'relative error (RMSE), %'\n",
                         over_samples ? "samples per pixel" : "CPU time of the samples, seconds");
-  script += over_samples ? "set logscale x 2\nset xtics (" + ticks_of(curves) + ")\n" : std::string("set logscale x 10\nset format x '%g'\n");
-  script += "set logscale y 10\nset format y '%g'\nset mytics 10\nset grid xtics ytics mytics lc rgb '#cccccc' lw 0.7, lc rgb '#eeeeee' lw 0.5\n";
-  script += "set key outside bottom center horizontal samplen 3 spacing 1.2 maxcols 2\nset border 3 lc rgb '#444444'\nset tics nomirror\n";
+  script +=
+      over_samples ? "set logscale x 2\nset xtics (" + ticks_of(curves) + ")\n" : std::string("set logscale x 10\nset format x '%g'\n");
+  script +=
+      "set logscale y 10\nset format y '%g'\nset mytics 10\nset grid xtics ytics mytics lc rgb '#cccccc' lw 0.7, lc rgb '#eeeeee' lw 0.5\n";
+  script +=
+      "set key below left horizontal Left reverse samplen 3 spacing 1.2 maxcols 2 width 2\nset border 3 lc rgb '#444444'\nset tics "
+      "nomirror\n";
   script += fmt::format("set xrange [{}:{}]\nset yrange [{}:{}]\n", f.x0 / 1.15, f.x1 * 1.15, f.y0 / 1.6, f.y1 * 1.8);
   script += data + "plot ";
   for (size_t i = 0; i < plots.size(); ++i) script += (i == 0 ? "" : ", \\\n     ") + plots[i];

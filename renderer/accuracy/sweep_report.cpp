@@ -36,15 +36,14 @@ std::string base64(std::string_view bytes) {
   for (size_t i = 0; i < bytes.size(); i += 3) {
     const auto byte = [&](size_t k) { return i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u; };
     const unsigned group = byte(0) << 16 | byte(1) << 8 | byte(2);
-    for (int k = 0; k < 4; ++k)
-      text += i + static_cast<size_t>(k) <= bytes.size() ? kDigits[group >> (18 - 6 * k) & 63u] : '=';
+    for (int k = 0; k < 4; ++k) text += i + static_cast<size_t>(k) <= bytes.size() ? kDigits[group >> (18 - 6 * k) & 63u] : '=';
   }
   return text;
 }
 
 std::string image(const std::string& png, int width, const std::string& words) {
   // Small pictures are shown larger, pixel by pixel, so that noise can be judged.
-  const int shown = width < 200 ? 2 * width : std::min(width, 480);
+  const int shown = width < 110 ? 220 / width * width : width < 220 ? 2 * width : std::min(width, 480);
   return fmt::format("<img width=\"{}\" alt=\"{}\" src=\"data:image/png;base64,{}\">", shown, escaped(words), base64(png));
 }
 
@@ -101,7 +100,7 @@ std::string error_cell(const CurveSummary& summary) {
 std::string slope_cell(const CurveSummary& summary) {
   if (!summary.slope) return "fewer than three counts above floor and reference";
   const Slope& s = *summary.slope;
-  std::string text = fmt::format("{:.3f}", s.value / 2);
+  std::string text = fmt::format("{}{:.3f}", s.value < 0 ? "−" : "", std::abs(s.value / 2));
   if (s.half_width) text += fmt::format(" ± {:.3f}", *s.half_width / 2);
   text += fmt::format(" ({} to {} spp)", s.from, s.to);
   if (!s.falls_with_samples()) text += " <b>flatter than −1/2: a heavy tail, nothing is promised beyond the last count</b>";
@@ -133,8 +132,8 @@ std::string curve_table(const SweepReport& report) {
     rows.push_back({named(report, i), fmt::format("{}", last.samples), report_seconds(last.cpu_seconds), error_cell(s), slope_cell(s),
                     floor_cell(report.curves[i]), efficiency_cell(s)});
   }
-  return table({"curve", "largest count, spp", "CPU time of it", "error there (RMSE)", "slope of the noise's RMSE over samples", "bias floor",
-                "efficiency, 1/(relative MSE · CPU s)"},
+  return table({"curve", "largest count, spp", "CPU time of it", "error there (RMSE)", "slope of the noise's RMSE over samples",
+                "bias floor", "efficiency, 1/(relative MSE · CPU s)"},
                rows);
 }
 
@@ -168,7 +167,8 @@ std::string picture_section(const SweepReport& report) {
     if (reference.png.empty()) continue;
     const double white = white_of(report, g);
     if (!reference.setting.empty()) text += "<h3>" + escaped(reference.setting) + "</h3>\n";
-    text += "<div class=\"row\"><figure>" + image(reference.png, reference.width, "reference") + "<figcaption>reference</figcaption></figure>\n";
+    text += "<div class=\"row\"><figure>" + image(reference.png, reference.width, "reference") +
+            "<figcaption>reference</figcaption></figure>\n";
     for (size_t i = 0; i < report.curves.size(); ++i) {
       const auto& picture = report.curves[i].picture;
       if (report.curves[i].group != g || !picture) continue;
@@ -251,14 +251,15 @@ std::string report_time(const TimeToError& time) {
 }
 
 std::string sweep_html(const SweepReport& report) {
-  std::string text = "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>" + escaped(report.title) + "</title><style>" +
-                     kStyle + "</style></head><body>\n<h1>" + escaped(report.title) + "</h1>\n<p class=\"state\">" + escaped(report.state) +
-                     "</p>\n";
+  std::string text = "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>" + escaped(report.title) +
+                     "</title><style>" + kStyle + "</style></head><body>\n<h1>" + escaped(report.title) + "</h1>\n<p class=\"state\">" +
+                     escaped(report.state) + "</p>\n";
   text += "<h2>Result</h2>\n" + curve_table(report);
   text += fmt::format(
       "<p>Error: √ of the mean over pixels of (x − r)²/(r² + (0.01 · mean r)²), of luminance, r the reference, whose own error is "
       "subtracted. Mean over {} seed{}; intervals are 95 %, Student's t between seeds, since the counts of one seed are prefixes of "
-      "each other. CPU time is that of the threads that rendered, so it holds on a busy machine. Independent samples have slope −1/2. A bias floor is what "
+      "each other. CPU time is that of the threads that rendered, so it holds on a busy machine. Independent samples have slope −1/2. A "
+      "bias floor is what "
       "stays when the noise is averaged away; slope and efficiency are those of the noise, the floor taken off.</p>\n",
       report.seeds, report.seeds == 1 ? "" : "s");
   text += "<h2>Error over samples and over time</h2>\n";
@@ -268,12 +269,15 @@ std::string sweep_html(const SweepReport& report) {
     text += plots.over_samples + "\n" + plots.over_time + "\n";
   }
   text += "<h2>CPU time to an error</h2>\n" + time_table(report);
-  text += "<p>Between two counts along a straight line in the logarithms; ≈ continues the last count by 1/n, only where the slope bears "
-          "it.</p>\n";
+  text +=
+      "<p>Between two counts along a straight line in the logarithms; ≈ continues the last count by 1/n, only where the slope bears "
+      "it.</p>\n";
   if (const std::string pictures = picture_section(report); !pictures.empty())
-    text += "<h2>Pictures at equal time</h2>\n<p>Of the first seed: each curve's largest count that takes no longer than the quickest curve's largest count "
-            "(counts are those of the sweep, so times agree to the next of them).</p>\n" +
-            pictures;
+    text +=
+        "<h2>Pictures at equal time</h2>\n<p>Of the first seed: each curve's largest count that takes no longer than the quickest curve's "
+        "largest count "
+        "(counts are those of the sweep, so times agree to the next of them).</p>\n" +
+        pictures;
   text += effect_table(report) + "<h2>References</h2>\n";
   std::vector<std::vector<std::string>> references;
   for (const ReportReference& r : report.references)

@@ -38,9 +38,9 @@ struct ReportReference {
 
 /// What leaving something out does to the estimator `auto`.
 struct EffectCost {
-  std::string left_out;          ///< empty: nothing, the row the others are measured against
-  bool changes_picture = false;  ///< a term of the transfer equation; a feature only changes noise and time
-  double seconds_per_sample = 0;  ///< CPU seconds a sample of the whole picture
+  std::string left_out;                ///< empty: nothing, the row the others are measured against
+  bool changes_picture = false;        ///< a term of the transfer equation; a feature only changes noise and time
+  double seconds_per_sample = 0;       ///< CPU seconds a sample of the whole picture
   std::optional<double> relative_mse;  ///< of its own picture by its replicates, at `samples`
   int64_t samples = 0;
   std::string refused;  ///< why it could not be left out; then nothing else is given
