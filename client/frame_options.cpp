@@ -8,6 +8,7 @@
 
 #include "renderer/film/tile.h"
 #include "renderer/frame/estimator_settings.h"
+#include "renderer/scene/parameter_edits.h"
 
 namespace woodcock {
 namespace {
@@ -60,6 +61,22 @@ void add_estimator_options(CLI::App& command, FrameSettings& settings) {
 
 }  // namespace
 
+void add_set_option(CLI::App& command, FrameSettings& settings) {
+  command
+      .add_option("--set", settings.set,
+                  "A parameter of the scene, e.g. medium.smoke.g=0.8, light.0.scale=2, integrator.maxdepth=8; may be given again")
+      ->type_name("PATH=VALUE")
+      ->allow_extra_args(false)
+      ->check([](const std::string& text) {
+        try {
+          parse_edit(text);
+        } catch (const std::invalid_argument& error) {
+          return std::string(error.what());
+        }
+        return std::string();
+      });
+}
+
 void add_picture_options(CLI::App& command, FrameSettings& settings) {
   command.add_option("--seed", settings.seed, "Seed of the random numbers (default: the scene's)");
   command.add_option_function<std::string>(
@@ -91,6 +108,7 @@ void add_shared_estimator_options(CLI::App& command, FrameSettings& settings) {
 void add_frame_options(CLI::App& command, FrameSettings& settings) {
   command.add_option("--spp", settings.samples, "Samples per pixel (default: the scene's pixelsamples)")->check(CLI::PositiveNumber);
   add_picture_options(command, settings);
+  add_set_option(command, settings);
   command.add_option("--max-depth", settings.max_depth, "Scatterings a path may have (default: the scene's maxdepth)")
       ->check(CLI::NonNegativeNumber);
   add_estimator_options(command, settings);
@@ -122,6 +140,7 @@ std::string options_of(const FrameSettings& settings) {
   if (!settings.without.empty()) add("--without", settings.without);
   if (!settings.plan) add("--plan", "off");
   if (settings.full_kernel) add("--kernel", "full");
+  for (const std::string& set : settings.set) text += fmt::format(" --set '{}'", set);
   if (settings.allow_unsupported) text += " --allow-unsupported";
   return text;
 }

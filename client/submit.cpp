@@ -69,6 +69,7 @@ void add_frame(const SubmitOptions& options, uint64_t number, Submission& submis
   ReadOptions read;
   read.skip_payload = true;
   read.allow_unsupported = settings.allow_unsupported;
+  read.set = settings.set;
   read.warn = [](const std::string& line) { fmt::print(stderr, "warning: {}\n", line); };
   SceneDescription scene = read_scene(options.frames.empty() ? options.scene : with_frame_number(options.scene, number), read);
   apply_settings(settings, scene);

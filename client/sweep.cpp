@@ -139,6 +139,13 @@ class Sweep {
   SweepFindings& findings_;
 };
 
+/// The scene is looked at with the first value of each set.
+std::vector<std::string> first_values(const std::vector<std::string>& sets) {
+  std::vector<std::string> values;
+  for (const std::string& set : sets) values.push_back(set.substr(0, std::min(set.find(','), set.size())));
+  return values;
+}
+
 /// The plan; what makes no sense is wrong usage.
 SweepPlan plan_or_usage(const SweepOptions& options, int scene_depth, uint64_t scene_seed) {
   try {
@@ -167,6 +174,7 @@ int run(Options& options) {
   FrameSettings base = options.settings;
   base.directions.reset();
   base.branching.reset();
+  base.set = first_values(options.sets);
   const FrameRenderer& scene = local.frame("as it is", base);
   const RenderSettings& own = scene.description().settings;
   const SweepPlan plan = plan_or_usage(options, own.max_depth, own.seed);
@@ -246,6 +254,11 @@ void add_sweep_command(CLI::App& app, int& code) {
       ->check(CLI::PositiveNumber)
       ->excludes("--reference");
   command->add_flag("--effects", options->effects, "Also measure what each feature and effect costs, by leaving it out of auto");
+  command
+      ->add_option("--set", options->sets,
+                   "Values of a parameter of the scene, e.g. medium.smoke.g=0,0.5,0.8: each with each, each its own reference")
+      ->allow_extra_args(false)
+      ->type_name("PATH=LIST");
   add_picture_options(*command, options->settings);
   add_shared_estimator_options(*command, options->settings);
   command->add_option("--threads", options->threads, "Threads (default: one for each processor)")->check(CLI::Range(1, 1024));

@@ -9,6 +9,7 @@
 
 #include "client/frame_options.h"
 #include "renderer/frame/estimator_settings.h"
+#include "renderer/scene/parameter_edits.h"
 #include "renderer/transport/features.h"
 
 namespace woodcock {
@@ -35,7 +36,7 @@ template <typename T>
 void refuse_twice(const std::vector<T>& values, const char* option) {
   for (size_t i = 0; i < values.size(); ++i)
     if (std::find(values.begin(), values.begin() + static_cast<ptrdiff_t>(i), values[i]) != values.begin() + static_cast<ptrdiff_t>(i))
-      throw std::invalid_argument(fmt::format("{}: found {} twice, expected each value once", option, values[i]));
+      throw std::invalid_argument(fmt::format("{}: found a value twice, expected each once", option));
 }
 
 /// Throws where no estimator of the sweep takes the option.
@@ -56,6 +57,33 @@ FrameSettings settings_of(const SweepOptions& options, const EstimatorInfo& esti
   return settings;
 }
 
+/// Every choice of one value of each "path=value,value", as texts of `--set`. One choice, the empty one, where nothing is set.
+std::vector<std::vector<std::string>> choices_of_sets(const std::vector<std::string>& sets) {
+  std::vector<std::vector<std::string>> all{{}};
+  for (const std::string& set : sets) {
+    if (set.rfind("integrator.", 0) == 0)
+      throw std::invalid_argument(fmt::format("set: found \"{}\", expected --max-depth for it: depths share a reference", set));
+    const size_t equals = std::min(set.find('='), set.size());
+    std::vector<std::vector<std::string>> longer;
+    for (size_t begin = equals + 1; begin <= set.size();) {
+      const size_t end = std::min(set.find(',', begin), set.size());
+      const ParameterEdit edit = parse_edit(set.substr(0, equals + 1) + set.substr(begin, end - begin));
+      for (std::vector<std::string> choice : all) {
+        choice.push_back(edit.text());
+        longer.push_back(choice);
+      }
+      begin = end + 1;
+    }
+    all = longer;
+    if (all.empty()) parse_edit(set);
+    if (all.size() > kMostCurves)
+      throw std::invalid_argument(fmt::format("set: found {} combinations, expected at most {}", all.size(), kMostCurves));
+  }
+  for (const auto& choice : all) ParameterEdits{choice};
+  refuse_twice(all, "set");
+  return all;
+}
+
 void add_curves(const SweepOptions& options, size_t group, int deepest, SweepPlan& plan) {
   for (const std::string& name : options.estimators) {
     const EstimatorInfo* estimator = find_estimator(name);
@@ -65,6 +93,7 @@ void add_curves(const SweepOptions& options, size_t group, int deepest, SweepPla
       for (const auto& depth : choices(options.depths, true)) {
         SweepCurve curve{"", name, estimator->bias, settings_of(options, *estimator), group};
         curve.settings.step = step;
+        curve.settings.set = plan.groups[group].reference.set;
         if (step) curve.name += fmt::format(", step {}", *step);
         if (depth) {
           curve.settings.max_depth = *depth;
@@ -74,7 +103,7 @@ void add_curves(const SweepOptions& options, size_t group, int deepest, SweepPla
                                       *depth, deepest);
         }
         resolve_estimator(curve.settings);
-        if (!plan.groups[group].setting.empty()) curve.name += ", " + plan.groups[group].setting;
+        if (plan.groups.size() > 1) curve.name += ", " + plan.groups[group].setting;
         curve.id = fmt::format("{:02}-{}", plan.curves.size(), file_word(curve.name));
         plan.curves.push_back(curve);
       }
@@ -84,6 +113,7 @@ void add_curves(const SweepOptions& options, size_t group, int deepest, SweepPla
 
 void add_effects(const SweepOptions& options, SweepPlan& plan) {
   FrameSettings all = settings_of(options, *find_estimator("auto"));
+  all.set = plan.groups.front().reference.set;
   const auto add = [&](const std::string& left_out, bool changes_picture, const FrameSettings& settings) {
     plan.effects.push_back({fmt::format("effect-{:02}-{}", plan.effects.size(), file_word(left_out.empty() ? "all" : left_out)), left_out,
                             changes_picture, settings});
@@ -129,11 +159,17 @@ SweepPlan plan_sweep(const SweepOptions& options, int scene_depth, uint64_t scen
   plan.first_seed = options.settings.seed.value_or(scene_seed);
   const int deepest =
       options.depths.empty() ? scene_depth : std::max(scene_depth, *std::max_element(options.depths.begin(), options.depths.end()));
-  SweepGroup group{"", settings_of(options, *find_estimator("auto"))};
-  group.reference.seed = plan.first_seed ^ kReferenceSeed;
-  group.reference.max_depth = deepest;
-  plan.groups.push_back(group);
-  add_curves(options, 0, deepest, plan);
+  for (const std::vector<std::string>& choice : choices_of_sets(options.sets)) {
+    SweepGroup group{fmt::format("{}", fmt::join(choice, ", ")), settings_of(options, *find_estimator("auto"))};
+    group.reference.seed = plan.first_seed ^ kReferenceSeed;
+    group.reference.max_depth = deepest;
+    group.reference.set = choice;
+    plan.groups.push_back(group);
+  }
+  if (plan.groups.size() > 1 && !options.reference.empty())
+    throw std::invalid_argument(
+        "reference: found one with several values of --set, which show different pictures; leave it out, and one is made for each");
+  for (size_t group = 0; group < plan.groups.size(); ++group) add_curves(options, group, deepest, plan);
   if (plan.curves.size() > kMostCurves)
     throw std::invalid_argument(
         fmt::format("found {} curves (estimators times values), expected at most {}", plan.curves.size(), kMostCurves));

@@ -18,6 +18,7 @@ struct SweepOptions {
   std::vector<std::string> estimators{"auto"};
   std::vector<double> steps;
   std::vector<int> depths;
+  std::vector<std::string> sets;  ///< "path=value,value": every value of each with every value of the others
   int seeds = 8;
   std::string reference;          ///< an EXR; empty: one is made
   int64_t reference_samples = 0;  ///< of the one that is made; 0: kReferenceFactor times the largest count

@@ -48,6 +48,14 @@ void set_estimator_options(const v1::RenderSettings& settings, FrameSettings& do
   domain.plan = !settings.plan_off();
   check(settings.without().size() <= kMaxListBytes && is_plain_text(settings.without()), "settings.without", "features, at most 512 bytes");
   domain.without = settings.without();
+  // Whether the scene has what they name is the reader's to say.
+  size_t bytes = 0;
+  for (const std::string& set : settings.set()) {
+    check(is_plain_text(set), "settings.set", "text without control characters");
+    bytes += set.size();
+  }
+  check(settings.set_size() <= kMaxSetParameters && bytes <= kMaxSetBytes, "settings.set", "at most 32 texts of together 4096 bytes");
+  domain.set.assign(settings.set().begin(), settings.set().end());
 }
 
 }  // namespace
@@ -122,6 +130,7 @@ v1::RenderSettings to_wire(const FrameSettings& settings, int tile_size) {
   wire.set_full_kernel(settings.full_kernel);
   wire.set_plan_off(!settings.plan);
   wire.set_without(settings.without);
+  for (const std::string& set : settings.set) wire.add_set(set);
   return wire;
 }
 

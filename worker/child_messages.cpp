@@ -54,6 +54,7 @@ json settings_json(const FrameSettings& settings) {
            {"full_kernel", settings.full_kernel},
            {"plan", settings.plan},
            {"without", settings.without},
+           {"set", settings.set},
            {"frame", settings.frame}};
   put(out, "resolution", settings.resolution);
   put(out, "crop", settings.crop);
@@ -75,6 +76,7 @@ FrameSettings settings_from(const json& in) {
   in.at("full_kernel").get_to(settings.full_kernel);
   in.at("plan").get_to(settings.plan);
   in.at("without").get_to(settings.without);
+  in.at("set").get_to(settings.set);
   in.at("frame").get_to(settings.frame);
   take(in, "resolution", settings.resolution);
   take(in, "crop", settings.crop);

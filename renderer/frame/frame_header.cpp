@@ -90,6 +90,7 @@ FrameHeader frame_header(const SceneDescription& scene, const FrameSettings& set
   h.bounds = {scene.film.pixel_bounds[0], scene.film.pixel_bounds[2], scene.film.pixel_bounds[1], scene.film.pixel_bounds[3]};
   h.aovs = parse_aovs(settings.aovs);
   h.settings = estimator_fields(settings);
+  if (!scene.set.empty()) h.settings.emplace_back("set", scene.set);
   h.settings.emplace_back("max_depth", std::to_string(scene.settings.max_depth));
   h.settings.emplace_back("filter", name_of(scene.film.filter.kind));
   size_t ignored_before = 0;

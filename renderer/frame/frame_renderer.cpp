@@ -67,6 +67,7 @@ FrameRenderer::FrameRenderer(const std::string& scene_path, const FrameSettings&
   if (phase) phase("loading");
   ReadOptions read = options;
   read.allow_unsupported |= settings.allow_unsupported;
+  read.set = settings.set;
   impl_->scene = read_scene(scene_path, read);
   apply_settings(settings, impl_->scene);
   if (phase) phase("building");

@@ -393,7 +393,9 @@ struct SceneDescription {
   std::vector<IgnoredDirective> ignored;
   /// Every file the scene consists of, the scene file first, the others sorted by path.
   std::vector<SceneFile> files;
-  /// SHA-256 (hex) over the sorted list of (relative path, content digest) and the name of the scene file.
+  /// The parameters that were set from outside, in canonical form; empty where none were.
+  std::string set;
+  /// SHA-256 (hex) over the sorted list of (relative path, content digest) and the name of the scene file, and over `set`.
   std::string digest;
 };
 

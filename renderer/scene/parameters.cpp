@@ -5,6 +5,7 @@
 
 #include "renderer/scene/lexer.h"
 #include "renderer/scene/limits.h"
+#include "renderer/scene/parameter_edits.h"
 #include "renderer/scene/scene_error.h"
 
 namespace woodcock {
@@ -65,6 +66,19 @@ const Parameter* Parameters::lookup(const std::string& name) const {
 
 const Parameter* Parameters::find(const std::string& name, std::initializer_list<const char*> types) {
   if (std::find(known_.begin(), known_.end(), name) == known_.end()) known_.push_back(name);
+  const auto untyped = std::find_if(given_.begin(), given_.end(), [&](const Parameter& p) { return p.name == name && p.type.empty(); });
+  if (untyped != given_.end()) {
+    std::vector<std::string> candidates(types.begin(), types.end());
+    // A word is a texture where one has that name, and else the name of a spectrum.
+    if (!untyped->strings.empty() && !context_.float_textures.contains(untyped->strings[0]) &&
+        !context_.rgb_textures.contains(untyped->strings[0]))
+      std::stable_partition(candidates.begin(), candidates.end(), [](const std::string& type) { return type != "texture"; });
+    if (!untyped->strings.empty() &&
+        (context_.float_textures.contains(untyped->strings[0]) || context_.rgb_textures.contains(untyped->strings[0])))
+      std::stable_partition(candidates.begin(), candidates.end(), [](const std::string& type) { return type == "texture"; });
+    if (!adopt_type(*untyped, candidates))
+      fail(*untyped, "found a value that does not fit \"" + name + "\" of " + directive_ + ", expected one of type " + joined(types));
+  }
   const Parameter* parameter = lookup(name);
   if (!parameter) return nullptr;
   if (std::none_of(types.begin(), types.end(), [&](const char* type) { return parameter->type == type; }))
@@ -378,8 +392,8 @@ void Parameters::finish() {
   for (const Parameter& p : given_) {
     if (std::find(known_.begin(), known_.end(), p.name) != known_.end()) continue;
     const std::string expected = known_.empty() ? "none" : "one of " + quoted_list(known_);
-    fail(p, "found the unknown parameter \"" + p.type + " " + p.name + "\" of " + directive_ + ", expected " + expected + "." +
-                suggestion(p.name, known_) + " Correct or remove it");
+    fail(p, "found the unknown parameter \"" + p.type + (p.type.empty() ? "" : " ") + p.name + "\" of " + directive_ + ", expected " +
+                expected + "." + suggestion(p.name, known_) + " Correct or remove it");
   }
 }
 

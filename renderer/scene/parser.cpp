@@ -6,6 +6,7 @@
 #include <map>
 
 #include "renderer/scene/limits.h"
+#include "renderer/scene/parameter_edits.h"
 #include "renderer/scene/scene_error.h"
 
 namespace woodcock {
@@ -322,14 +323,18 @@ bool Parser::named_directive(Source& source, const std::string& word, const Sour
   const auto method = kMethods.find(word);
   if (method != kMethods.end()) {
     const std::string name = string_argument(source, word, "a type or name");
-    (builder_.*method->second)(name, parameters(source), where);
+    ParameterList list = parameters(source);
+    context_.edits.apply(word, name, source.folder, list);
+    (builder_.*method->second)(name, std::move(list), where);
     return true;
   }
   if (word == "Texture") {
     const std::string name = string_argument(source, word, "a name");
     const std::string type = string_argument(source, word, "\"float\" or \"spectrum\"");
     const std::string kind = string_argument(source, word, "a type such as \"imagemap\"");
-    builder_.texture(name, type, kind, parameters(source), where);
+    ParameterList list = parameters(source);
+    context_.edits.apply(word, name, source.folder, list);
+    builder_.texture(name, type, kind, std::move(list), where);
     return true;
   }
   return false;

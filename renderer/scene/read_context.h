@@ -12,10 +12,13 @@
 
 namespace woodcock {
 
+class ParameterEdits;
+
 struct ReadContext {
   const ReadOptions& options;
   SceneFiles& files;
   SceneDescription& scene;
+  ParameterEdits& edits;
   std::map<std::string, int> float_textures, rgb_textures;  ///< name → index
 
   void warn(const SourceLocation& where, const std::string& text) const;

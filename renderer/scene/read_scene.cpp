@@ -2,7 +2,9 @@
 
 #include <filesystem>
 
+#include "renderer/core/sha256.h"
 #include "renderer/scene/limits.h"
+#include "renderer/scene/parameter_edits.h"
 #include "renderer/scene/parser.h"
 #include "renderer/scene/scene_builder.h"
 #include "renderer/scene/scene_error.h"
@@ -14,13 +16,17 @@ namespace {
 SceneDescription read_text(const std::string& text, const std::string& name, const std::filesystem::path& file, SceneFiles& files,
                            const ReadOptions& options) {
   SceneDescription scene;
-  ReadContext context{options, files, scene, {}, {}};
+  ParameterEdits edits(options.set);
+  ReadContext context{options, files, scene, edits, {}, {}};
   SceneBuilder builder(context);
   Parser parser(context, builder, file);
   parser.parse(text, name, files.root());
+  edits.finish();
   builder.finish({name, 1, 1});
   scene.files = files.manifest(name);
   scene.digest = scene_digest(scene.files);
+  scene.set = edits.text();
+  if (!scene.set.empty()) scene.digest = Sha256().field(scene.digest).field(scene.set).hex();
   return scene;
 }
 

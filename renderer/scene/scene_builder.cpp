@@ -326,7 +326,7 @@ namespace {
 std::string take_type(ParameterList& list, const std::string& directive, const SourceLocation& where) {
   const auto type = std::find_if(list.begin(), list.end(), [](const Parameter& p) { return p.name == "type"; });
   if (type == list.end()) throw SceneError(where, "found " + directive + " without \"string type\", expected it");
-  if (type->type != "string" || type->strings.size() != 1)
+  if ((type->type != "string" && !type->type.empty()) || type->strings.size() != 1)
     throw SceneError(type->where, "found \"" + type->type + " type\" for " + directive + ", expected one \"string type\"");
   std::string kind = type->strings[0];
   list.erase(type);

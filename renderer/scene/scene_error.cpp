@@ -8,9 +8,13 @@ std::string bounded(const std::string& text) {
   constexpr size_t kLongest = 4000;
   return text.size() <= kLongest ? text : text.substr(0, kLongest) + " …";
 }
+/// What does not come from a file has no line.
+std::string place_of(const SourceLocation& where) {
+  return where.line == 0 ? where.file : where.file + ":" + std::to_string(where.line) + ":" + std::to_string(where.column);
+}
 }  // namespace
 
 SceneError::SceneError(const SourceLocation& where, const std::string& message)
-    : std::runtime_error(bounded(where.file + ":" + std::to_string(where.line) + ":" + std::to_string(where.column) + ": " + message)) {}
+    : std::runtime_error(bounded(place_of(where) + ": " + message)) {}
 
 }  // namespace woodcock
