@@ -9,6 +9,7 @@
 #include <fstream>
 #include <memory>
 
+#include "client/convergence_table.h"
 #include "client/health.h"
 #include "client/interrupt.h"
 #include "client/progress_line.h"
@@ -182,6 +183,8 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
 
   End end = End::kMap;
   AdaptiveProgress state;
+  nlohmann::json passes = nlohmann::json::array();
+  const double pixels = static_cast<double>(header.bounds.area());
   if (!options.sample_map.empty()) {
     const SampleMap map = read_sample_map(options.sample_map, header.bounds);
     for (size_t b = 0; b < map.counts.size(); ++b)
@@ -192,6 +195,11 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
     if (!render_pass(frame, map.counts, setting, progress, blocks, cpu_seconds)) end = End::kInterrupt;
   } else {
     state = render_adaptively(frame, sampling_target(options), setting, progress, blocks, cpu_seconds, [&](const AdaptiveProgress& p) {
+      if (p.error > 0)
+        passes.push_back({{"mean_samples", static_cast<double>(blocks.map.samples()) / pixels},
+                          {"relative_error", p.error},
+                          {"cpu_seconds", cpu_seconds},
+                          {"active_blocks", p.active}});
       const std::string aim = options.error ? fmt::format(" of {:.3g} %", 100 * *options.error) : "";
       const std::string error = p.error > 0 ? fmt::format("error {:.3g} %{}, ", 100 * p.error, aim) : "";
       begin_line(fmt::format("pass {}: {}{} of {} blocks", p.pass, error, p.active, blocks.map.counts.size()), p.samples);
@@ -208,8 +216,17 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
   const fs::path png = fs::path(run.output).replace_extension(".png");
   write_png(run.output, png);
 
-  const double pixels = static_cast<double>(header.bounds.area());
   const ErrorEstimate error = estimate_error(run.output);
+  const double mean_before = static_cast<double>(before) / pixels;
+  const Convergence record{{{error.samples, error, cpu_seconds}}, std::llround(mean_before)};
+  write_sidecar(run.output, {{"picture", run.output.filename().string()},
+                             {"ended_by", name_of(end)},
+                             {"sample_map", sample_map_json(blocks.map)},
+                             {"after_passes", passes},
+                             {"threads", run.threads},
+                             {"load_seconds", run.load_seconds},
+                             {"render_seconds", render_seconds},
+                             {"convergence", convergence_json(record, run.threads)}});
   if (run.json) {
     nlohmann::json accuracy = nlohmann::json::object();
     for (const auto& [key, value] : error_fields(error)) accuracy[key] = value;
@@ -231,6 +248,9 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
                      {"cpu_seconds", cpu_seconds},
                      {"pixel_digest", digest_of_pixels(header, nodes)},
                      {"error", accuracy},
+                     {"after_passes", passes},
+                     {"convergence", convergence_json(record, run.threads)},
+                     {"sidecar", sidecar_path(run.output).string()},
                      {"counters", counters_json(progress.counters)}};
     if (options.error) j["target_error"] = *options.error;
     for (const auto& [key, value] : header.settings) j["settings"][key] = value;
@@ -240,7 +260,8 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
                header.width, header.height, state.pass, format_seconds(render_seconds), cpu_seconds,
                format_count(static_cast<double>(progress.samples) / std::max(1e-9, render_seconds)), run.threads);
     fmt::print("{}: the same picture to look at\n", png.string());
-    fmt::print("{}{}", format_error(error), end_line(end, options, blocks.map, pixels));
+    fmt::print("{}{}{}", format_error(error), run.bias, format_convergence(record, run.threads));
+    fmt::print("{}: errors and times\n{}", sidecar_path(run.output).string(), end_line(end, options, blocks.map, pixels));
   }
   report_health(progress.counters, run.repeat);
   if (error.missing_pixels > 0)

@@ -48,6 +48,7 @@ struct AdaptiveRun {
   int tile = 32, threads = 1;
   bool resume = false, json = false;
   double load_seconds = 0;
+  std::string bias;    ///< a line on the estimator's bias, or empty
   std::string repeat;  ///< a command that repeats a sample, for warnings
 };
 

@@ -76,7 +76,9 @@ int run(const RenderOptions& options) {
   const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   const std::string repeat = fmt::format("woodcock render '{}'{} -o sample.exr", options.scene, options_of(options.settings));
   if (options.target.adaptive())
-    return run_adaptive(frame, options.target, {output, options.tile, threads, options.resume, options.json, load_seconds, repeat});
+    return run_adaptive(
+        frame, options.target,
+        {output, options.tile, threads, options.resume, options.json, load_seconds, format_bias(options.settings.estimator), repeat});
 
   SampleRange samples{0, frame.samples()};
   if (!options.samples.empty()) samples = parse_samples(options.samples);

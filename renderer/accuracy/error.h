@@ -48,7 +48,7 @@ struct ErrorEstimate {
   /// pixels' variances (2/ν each) and means makes of it, without what differs between the pixels themselves.
   std::optional<double> mse_deviation;
   std::optional<double> standard_error;  ///< sqrt(mean over pixels of Var(x̄)), in units of radiance
-  /// Share of the pixels that owe more than a tenth of their value to one sample; absent below kFireflySamples.
+  /// Share of the pixels that owe more than a tenth of their value to one sample; of those with kFireflySamples at least.
   std::optional<double> firefly_share;
   /// The largest share that one sample has of the picture's E² or of the variance of its mean.
   std::optional<double> one_sample_share;

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "renderer/accuracy/error.h"
+#include "renderer/accuracy/error_summary.h"
 #include "renderer/film/merge.h"
 #include "renderer/film/split.h"
 #include "tests/film/random_tiles.h"
@@ -167,12 +169,8 @@ TEST(Adaptive, WithoutATargetTheErrorFallsPassByPassWhereItIs) {
   EXPECT_GT(made.map.counts[0], 8 * made.map.counts[7]);
 }
 
-TEST(Adaptive, StatisticsDoNotDependOnThePiecesTheyComeIn) {
-  testing::TemporaryFolder folder;
-  FrameHeader header = testing::some_header(150, 80);
-  header.bounds = {3, 9, 120, 77};
-  SampleMap map{header.bounds, {}};
-  for (size_t b = 0; b < map.grid().size(); ++b) map.counts.push_back(b % 3 == 0 ? 16 : b % 3 == 1 ? 20 : 40);
+/// A frame with this map, as a file.
+void write_mapped(const std::filesystem::path& path, const FrameHeader& header, const SampleMap& map) {
   std::vector<MergeInput> inputs;
   std::vector<Tile> tiles;
   const auto shared = std::make_shared<const FrameHeader>(header);
@@ -181,7 +179,38 @@ TEST(Adaptive, StatisticsDoNotDependOnThePiecesTheyComeIn) {
       tiles.push_back(testing::render_tile(map.grid().block(b), range));
       inputs.push_back({"tile", shared, tiles.back().rect, range});
     }
-  merge_tiles(inputs, [&](size_t i) { return tiles[i]; }, folder / "a.exr", {{}, {}, map});
+  merge_tiles(
+      inputs, [&](size_t i) { return tiles[i]; }, path, {{}, {}, map}, &kErrorSummary);
+}
+
+TEST(Adaptive, TheErrorOfAFrameWithAMapWeighsEachPixelByItsOwnSamples) {
+  testing::TemporaryFolder folder;
+  const FrameHeader header = testing::some_header(96, 64);
+  const SampleMap map{header.bounds, {16, 40, 0, 64, 16, 16}};
+  write_mapped(folder / "a.exr", header, map);
+  const ErrorEstimate error = estimate_error(folder / "a.exr");
+  const auto blocks = block_statistics(folder / "a.exr", map);
+  double mean = 0, square = 0, pixels = 0;
+  for (const BlockStatistics& block : blocks) {
+    mean += block.mean_sum;
+    square += block.relative_square;
+    pixels += static_cast<double>(block.pixels);
+  }
+  EXPECT_EQ(error.pixels, 5 * 1024);
+  EXPECT_EQ(error.missing_pixels, 1024);
+  EXPECT_EQ(error.samples, std::llround(static_cast<double>(map.samples()) / pixels));
+  EXPECT_NEAR(*error.relative_mse, square / pixels, 1e-4 * *error.relative_mse);
+  EXPECT_TRUE(error.firefly_share);  // of the block with 64 samples
+  EXPECT_GT(*error.image_mean_half_width, 0);
+}
+
+TEST(Adaptive, StatisticsDoNotDependOnThePiecesTheyComeIn) {
+  testing::TemporaryFolder folder;
+  FrameHeader header = testing::some_header(150, 80);
+  header.bounds = {3, 9, 120, 77};
+  SampleMap map{header.bounds, {}};
+  for (size_t b = 0; b < map.grid().size(); ++b) map.counts.push_back(b % 3 == 0 ? 16 : b % 3 == 1 ? 20 : 40);
+  write_mapped(folder / "a.exr", header, map);
   const auto by_rows = block_statistics(folder / "a.exr", map);
 
   ExrReader reader(folder / "a.exr");

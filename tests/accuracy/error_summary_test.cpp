@@ -66,7 +66,7 @@ TEST(ErrorSummary, IsNotBelievedWhenAFileIsRead) {
   static constexpr PictureSummary kLie{[](SampleRange) {
                                          return std::vector<std::string>{"error.relative_error", "error.pixels"};
                                        },
-                                       [](const fs::path&) {
+                                       [](const fs::path&, SampleRange) {
                                          return std::vector<float>{0, -1e30f};
                                        }};
   write_exr(folder / "lie.exr", header, testing::render_nodes({0, 0, 9, 40}, {0, 16}), &kLie);

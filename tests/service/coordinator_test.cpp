@@ -4,8 +4,10 @@
 #include <soci/sqlite3/soci-sqlite3.h>
 
 #include <cstdio>
+#include <iterator>
 
 #include "coordinator/server.h"
+#include "renderer/accuracy/error_summary.h"
 #include "rpc/blob_transfer.h"
 #include "rpc/channel.h"
 #include "tests/service/coordinator_world.h"
@@ -26,7 +28,10 @@ std::string whole_frame(const CoordinatorWorld& world, int64_t samples) {
     *task.mutable_range() = rpc::to_wire(range);
     nodes.push_back(decode_exr(CoordinatorWorld::tile_bytes(task), "node").nodes.at(0));
   }
-  return encode_exr(header, nodes);
+  const TemporaryFolder folder;
+  write_exr(folder.path + "/frame.exr", header, nodes, &kErrorSummary);
+  std::ifstream in(folder.path + "/frame.exr", std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 std::string image_of(CoordinatorWorld& world, const std::string& job) {
@@ -78,6 +83,50 @@ TEST(Coordinator, F03F04ARestartAtAnyCommitEndsWithTheSameImageAndRendersNothing
   EXPECT_TRUE(image_of(world, id) == whole_frame(world, 8));
 }
 
+TEST(Coordinator, AnAdaptiveJobGoesOnAcrossRestartsUntilItsTargetAndIsExtended) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path);
+  v1::SubmitJobRequest request = world.request("r1", 4096);
+  request.mutable_target()->set_error(0.03);
+  request.mutable_target()->set_max_samples(4096);
+  const std::string id = world.coordinator->submit(request).job_id();
+  const auto work_to_the_end = [&] {
+    for (int i = 0; i < 100 && world.coordinator->job(id).state() < v1::JOB_STATE_DONE; ++i) {
+      world.work("w1", 1);
+      world.stop();
+      world.start();
+      ++world.incarnation;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    return world.wait_until_ended(id);
+  };
+  // The samples are their index + 1: E = √(mean square of r_k − x̄ / 7)/x̄ = 1.73/n, up to the floor.
+  const v1::Job job = work_to_the_end();
+  EXPECT_EQ(job.state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(job.target().max_samples(), 4096);
+  EXPECT_GT(job.frames(0).adaptive().pass(), 1);
+  EXPECT_LE(job.frames(0).statistics().relative_error(), 0.03);
+  EXPECT_EQ(job.frames(0).statistics().samples(), 64);
+  EXPECT_TRUE(image_of(world, id) == whole_frame(world, 64));
+
+  const auto refused = [&](int64_t samples, std::optional<double> error) {
+    try {
+      world.coordinator->extend(id, samples, error);
+    } catch (const rpc::RpcError& e) {
+      return e.code() == grpc::StatusCode::INVALID_ARGUMENT;
+    }
+    return false;
+  };
+  EXPECT_TRUE(refused(0, 0.5));
+  EXPECT_TRUE(refused(0, -1));
+  EXPECT_TRUE(refused(64, 0.01));
+  EXPECT_TRUE(refused(int64_t{1} << 40, 0.01));
+  world.coordinator->extend(id, 0, 0.015);
+  const v1::Job more = work_to_the_end();
+  EXPECT_EQ(more.frames(0).statistics().samples(), 128);
+  EXPECT_TRUE(image_of(world, id) == whole_frame(world, 128));
+}
+
 TEST(Coordinator, AFinalStateIsShownOnlyOnceItsRowIsDurable) {
   const TemporaryFolder folder;
   std::unique_ptr<soci::session> reader;
@@ -125,7 +174,7 @@ TEST(Coordinator, ACommittedKeyIsNeverRenderedAgain) {
   const std::string second = world.coordinator->submit(world.request("r2", 8)).job_id();
   EXPECT_EQ(world.work("w1"), 0);
   EXPECT_EQ(world.wait_until_ended(second).state(), v1::JOB_STATE_DONE);
-  EXPECT_LT(world.coordinator->extend(second, 16).state(), v1::JOB_STATE_ASSEMBLING);
+  EXPECT_LT(world.coordinator->extend(second, 16, {}).state(), v1::JOB_STATE_ASSEMBLING);
   EXPECT_EQ(world.work("w1"), 4);
   world.wait_until_ended(second);
   EXPECT_TRUE(image_of(world, second) == whole_frame(world, 16));
@@ -156,7 +205,7 @@ TEST(Coordinator, F21ATileThatIsNoTileIsNamedByTheMergeAndMakesNoImage) {
   request.header.scene_digest = request.header.settings_digest = std::string(64, 'a');
   request.header.width = request.header.height = 8;
   request.header.bounds = {0, 0, 8, 8};
-  request.samples = 1;
+  request.map = {request.header.bounds, {1}};
   request.tile_paths = {path};
   request.output_path = folder.path + "/out.exr";
   for (const AssembleResult& result :
