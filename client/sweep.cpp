@@ -6,6 +6,7 @@
 #include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <stdexcept>
 #include <thread>
 
@@ -16,8 +17,10 @@
 #include "client/sweep_plan.h"
 #include "client/sweep_results.h"
 #include "client/sweep_run.h"
+#include "client/sweep_service.h"
 #include "client/sweep_store.h"
 #include "renderer/core/sha256.h"
+#include "renderer/scene/scene_error.h"
 #include "renderer/world/effect_plan.h"
 
 namespace woodcock {
@@ -27,6 +30,7 @@ namespace fs = std::filesystem;
 
 struct Options : SweepOptions {
   std::string counts_text = "1,2,4,...,256";
+  std::optional<ServiceOptions> service;
   int threads = 0;
   bool json = false;
 };
@@ -48,13 +52,13 @@ std::string digest_of_file(const fs::path& path) {
 }
 
 /// Everything a second run must agree with.
-nlohmann::json identity_of(const SweepOptions& options, const SweepPlan& plan, const FrameHeader& header) {
+nlohmann::json identity_of(const SweepOptions& options, const SweepPlan& plan, const FrameHeader& header, bool by_service) {
   nlohmann::json j = describe_plan(plan);
   j["scene digest"] = header.scene_digest;
   j["resolution"] = {header.width, header.height};
   j["pixels"] = {header.bounds.x0, header.bounds.y0, header.bounds.x1, header.bounds.y1};
-  j["render build"] = header.build;
-  j["arithmetic class"] = header.arithmetic_class;
+  // The service pins a build and a class to each job itself.
+  j["rendered by"] = by_service ? "the service" : header.build + ", " + header.arithmetic_class;
   j["reference digest"] = options.reference.empty() ? "made here" : digest_of_file(options.reference);
   return j;
 }
@@ -71,29 +75,36 @@ SweepReference given_reference(const fs::path& path, PixelRect bounds) {
 /// The sweep while it goes on.
 class Sweep {
  public:
-  Sweep(const Options& options, const SweepPlan& plan, const SweepStore& store, LocalSweep& local, SweepFindings& findings)
-      : options_(options), plan_(plan), store_(store), local_(local), findings_(findings) {}
+  Sweep(const SweepPlan& plan, const SweepStore& store, SweepEngine& engine, SweepFindings& findings)
+      : plan_(plan), store_(store), engine_(engine), findings_(findings) {}
 
   /// False when interrupted.
   bool run() { return references() && curves() && effects(); }
 
  private:
-  /// One run up to a count, unless it is there.
-  bool advance(const SweepRun& run, const MeasurePicture& measure) {
+  /// A run with its record, unless it is done or cannot be.
+  std::optional<RunRecord> open(const SweepRun& run) const {
     RunRecord record = store_.load(run.id);
-    if (record.at(run.samples) != nullptr || !record.refused.empty()) return true;
-    if (interrupt_flag()) return false;
-    return local_.advance(run, store_, record, measure);
+    return record.at(run.samples) != nullptr || !record.refused.empty() ? std::nullopt : std::optional(std::move(record));
+  }
+  void begin(const SweepRun& run) {
+    if (auto record = open(run)) engine_.begin(run, store_, *record);
+  }
+  bool finish(const SweepRun& run, const MeasurePicture& measure) {
+    auto record = open(run);
+    if (!record) return true;
+    return !interrupt_flag() && engine_.finish(run, store_, *record, measure);
   }
 
   bool references() {
+    const auto none = [](const fs::path&) { return std::nullopt; };
     for (size_t g = findings_.references.size(); g < plan_.groups.size(); ++g) {
       // In steps that double, so that an interrupted sweep loses little of it.
       const std::string id = reference_id(g);
-      const auto none = [](const fs::path&) { return std::nullopt; };
       SweepRun run{id, id, plan_.groups[g].reference, std::min<int64_t>(64, plan_.reference_samples), false};
       while (true) {
-        if (!advance(run, none)) return false;
+        begin(run);
+        if (!finish(run, none)) return false;
         if (run.samples == plan_.reference_samples) break;
         run.samples = run.samples < plan_.reference_samples / 2 ? 2 * run.samples : plan_.reference_samples;
       }
@@ -102,16 +113,25 @@ class Sweep {
     return true;
   }
 
+  SweepRun run_of(const SweepStep& step) const {
+    const SweepCurve& curve = plan_.curves[step.curve];
+    SweepRun run{run_id(curve, step.seed), curve.id, curve.settings, step.samples, step.seed == 0};
+    run.settings.seed = plan_.first_seed + step.seed;
+    return run;
+  }
+
   bool curves() {
-    for (const SweepStep& step : sweep_order(plan_.curves.size(), plan_.seeds, plan_.counts)) {
-      const SweepCurve& curve = plan_.curves[step.curve];
-      SweepRun run{run_id(curve, step.seed), curve.id, curve.settings, step.samples, step.seed == 0};
-      run.settings.seed = plan_.first_seed + step.seed;
-      const SweepReference& reference = findings_.references[curve.group];
+    const auto steps = sweep_order(plan_.curves.size(), plan_.seeds, plan_.counts);
+    const size_t a_count = plan_.curves.size() * plan_.seeds;
+    for (size_t i = 0; i < steps.size(); ++i) {
+      // All runs of a count go to the engine together.
+      if (i % a_count == 0)
+        for (size_t k = i; k < i + a_count && !interrupt_flag(); ++k) begin(run_of(steps[k]));
+      const SweepReference& reference = findings_.references[plan_.curves[steps[i].curve].group];
       const auto measure = [&](const fs::path& exr) -> std::optional<double> {
         return relative_mse(read_picture(exr).luminances(), reference.luminance);
       };
-      if (!advance(run, measure)) return false;
+      if (!finish(run_of(steps[i]), measure)) return false;
     }
     return true;
   }
@@ -121,21 +141,27 @@ class Sweep {
       SweepRun run{effect.id, effect.id, effect.settings, plan_.effect_samples, false};
       run.settings.seed = plan_.first_seed;
       try {
-        if (!advance(run, [](const fs::path&) { return std::nullopt; })) return false;
-      } catch (const std::exception& error) {
-        // What cannot be left out of this scene is a finding too.
-        RunRecord record = store_.load(effect.id);
-        record.refused = error.what();
-        store_.save(effect.id, record);
+        begin(run);
+        if (!finish(run, [](const fs::path&) { return std::nullopt; })) return false;
+      } catch (const SceneError& error) {
+        refuse(effect, error.what());
+      } catch (const std::invalid_argument& error) {
+        refuse(effect, error.what());
       }
     }
     return true;
   }
 
-  const Options& options_;
+  /// What cannot be left out of this scene is a finding too.
+  void refuse(const SweepEffect& effect, const std::string& why) {
+    RunRecord record = store_.load(effect.id);
+    record.refused = why;
+    store_.save(effect.id, record);
+  }
+
   const SweepPlan& plan_;
   const SweepStore& store_;
-  LocalSweep& local_;
+  SweepEngine& engine_;
   SweepFindings& findings_;
 };
 
@@ -179,11 +205,16 @@ int run(Options& options) {
   const RenderSettings& own = scene.description().settings;
   const SweepPlan plan = plan_or_usage(options, own.max_depth, own.seed);
   // What cannot be rendered is said before hours are spent on the rest.
-  for (const SweepCurve& curve : plan.curves) local.frame(curve.id, curve.settings);
+  std::unique_ptr<ServiceSweep> service;
+  if (options.service) {
+    service = std::make_unique<ServiceSweep>(options, *options.service);
+  } else {
+    for (const SweepCurve& curve : plan.curves) local.frame(curve.id, curve.settings);
+  }
   const FrameHeader& header = scene.header();
   SweepFindings findings;
   if (!options.reference.empty()) findings.references.push_back(given_reference(options.reference, header.bounds));
-  const SweepStore store(options.folder, identity_of(options, plan, header));
+  const SweepStore store(options.folder, identity_of(options, plan, header, service != nullptr));
   total = static_cast<double>(header.bounds.area()) *
           (static_cast<double>(plan.reference_samples * static_cast<int64_t>(plan.groups.size())) +
            static_cast<double>(plan.counts.back()) * static_cast<double>(plan.seeds * plan.curves.size()) +
@@ -194,16 +225,19 @@ int run(Options& options) {
   findings.title = "Sweep of " + fs::path(options.scene).filename().string();
   for (const EffectEntry& e : plan_effects(scene.description(), scene.world()))
     findings.effect_plan.push_back({e.effect, e.needed, e.reason});
-  findings.facts = {{"scene", fs::path(options.scene).filename().string()},
-                    {"scene digest", header.scene_digest},
-                    {"resolution", fmt::format("{}x{} pixels", header.width, header.height)},
-                    {"depth limit", std::to_string(scene.description().settings.max_depth)},
-                    {"seeds", fmt::format("{}, the first is {}", plan.seeds, plan.first_seed)},
-                    {"processor", fmt::format("{}, {} threads of {}", processor_name(), threads, std::thread::hardware_concurrency())},
-                    {"render build", header.build},
-                    {"arithmetic class", header.arithmetic_class}};
+  findings.facts = {
+      {"scene", fs::path(options.scene).filename().string()},
+      {"scene digest", header.scene_digest},
+      {"resolution", fmt::format("{}x{} pixels", header.width, header.height)},
+      {"depth limit", std::to_string(scene.description().settings.max_depth)},
+      {"seeds", fmt::format("{}, the first is {}", plan.seeds, plan.first_seed)},
+      {"rendered by", service ? "the workers of the service at " + options.service->coordinator : "this machine"},
+      {"processor", service ? "that of the workers, whose CPU time is shown"
+                            : fmt::format("{}, {} threads of {}", processor_name(), threads, std::thread::hardware_concurrency())},
+      {"render build", header.build},
+      {"arithmetic class", header.arithmetic_class}};
 
-  Sweep sweep(options, plan, store, local, findings);
+  Sweep sweep(plan, store, service ? static_cast<SweepEngine&>(*service) : local, findings);
   const bool complete = sweep.run();
   line.finish();
   if (findings.references.size() < plan.groups.size()) {
@@ -261,6 +295,11 @@ void add_sweep_command(CLI::App& app, int& code) {
       ->type_name("PATH=LIST");
   add_picture_options(*command, options->settings);
   add_shared_estimator_options(*command, options->settings);
+  command
+      ->add_option_function<std::string>(
+          "--server", [options](const std::string& address) { options->service = ServiceOptions{address}; },
+          "Let the workers of this coordinator render, each picture as a job (default: this process)")
+      ->type_name("HOST:PORT");
   command->add_option("--threads", options->threads, "Threads (default: one for each processor)")->check(CLI::Range(1, 1024));
   command->add_flag("--allow-outside-files", options->allow_outside_files, "Let the scene read files outside its own folder");
   command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");

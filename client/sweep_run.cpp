@@ -1,11 +1,12 @@
 #include "client/sweep_run.h"
 
 #include <fmt/format.h>
-#include <time.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "client/local_render.h"
+#include "renderer/accuracy/error_summary.h"
 #include "renderer/film/exr.h"
 
 namespace woodcock {
@@ -13,13 +14,6 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr int kTileSize = 16;
-
-/// CPU time of all threads of this process, the renderers of which are all that runs meanwhile.
-double cpu_seconds() {
-  timespec t{};
-  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 std::vector<Tile> earlier_nodes(const fs::path& path, const FrameHeader& header) {
   NodeFile file = read_exr(path);
@@ -46,6 +40,14 @@ void replace_nodes(const SweepRun& run, const SweepStore& store, RunRecord& reco
   if (!old.empty() && old != name && !kept) fs::remove(store.picture(old));
 }
 
+void add_point(const SweepRun& run, const SweepStore& store, RunRecord& record, const std::string& name, const MeasurePicture& measure) {
+  const fs::path picture = store.picture(name);
+  record.samples = run.samples;
+  record.points.push_back(
+      {run.samples, record.cpu_seconds, measure(picture), estimate_error(picture).relative_mse, run.keep ? name : std::string()});
+  replace_nodes(run, store, record, name);
+}
+
 LocalSweep::LocalSweep(const SweepOptions& options, int threads, const std::atomic<bool>& stop, std::function<void(uint64_t samples)> tick)
     : options_(options), threads_(threads), stop_(stop), tick_(std::move(tick)) {}
 
@@ -57,7 +59,7 @@ const FrameRenderer& LocalSweep::frame(const std::string& curve, const FrameSett
   return frames_.emplace(curve, FrameRenderer(options_.scene, settings, read)).first->second;
 }
 
-bool LocalSweep::advance(const SweepRun& run, const SweepStore& store, RunRecord& record, const MeasurePicture& measure) {
+bool LocalSweep::finish(const SweepRun& run, const SweepStore& store, RunRecord& record, const MeasurePicture& measure) {
   const FrameRenderer frame = this->frame(run.curve, run.settings).with_seed(*run.settings.seed);
   std::vector<Tile> earlier;
   if (!record.nodes.empty()) earlier = earlier_nodes(store.picture(record.nodes), frame.header());
@@ -67,22 +69,20 @@ bool LocalSweep::advance(const SweepRun& run, const SweepStore& store, RunRecord
     const uint64_t now = progress.samples;
     tick_(now - std::exchange(told, now));
   };
-  const double start = cpu_seconds();
   const LocalRender result =
       render_locally(frame, {record.samples, run.samples}, std::move(earlier), kTileSize, threads_, progress, stop_, tell);
-  const double seconds = cpu_seconds() - start;
   tell();
   // An interrupted first pass is no picture.
   if (result.samples.end == record.samples || has_missing_pixels(result.nodes)) return false;
   const std::string name = nodes_name(run, result.samples.end);
-  write_exr(store.picture(name), frame.header(), result.nodes);
-  record.samples = result.samples.end;
-  record.cpu_seconds += seconds;
+  write_exr(store.picture(name), frame.header(), result.nodes, &kErrorSummary);
+  record.cpu_seconds += result.convergence.points.back().cpu_seconds;
   if (result.complete) {
-    const auto own = estimate_error(store.picture(name)).relative_mse;
-    record.points.push_back({run.samples, record.cpu_seconds, measure(store.picture(name)), own, run.keep ? name : std::string()});
+    add_point(run, store, record, name, measure);
+  } else {
+    record.samples = result.samples.end;
+    replace_nodes(run, store, record, name);
   }
-  replace_nodes(run, store, record, name);
   return result.complete;
 }
 

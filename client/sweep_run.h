@@ -15,8 +15,20 @@ namespace woodcock {
 /// The relative MSE of a node file against the reference it belongs to; nothing where it has none.
 using MeasurePicture = std::function<std::optional<double>(const std::filesystem::path& exr)>;
 
-/// Renders the runs of a sweep, and keeps the compiled scene of each curve for its next run.
-class LocalSweep {
+/// Who renders the runs.
+class SweepEngine {
+ public:
+  virtual ~SweepEngine() = default;
+
+  /// Called for several runs before the first of them is finished.
+  virtual void begin(const SweepRun& run, const SweepStore& store, RunRecord& record) = 0;
+  /// Brings the run to its samples from what `record` holds, renders only what is missing, and saves the record with the new
+  /// point. False when interrupted: what is finished is saved. Throws FilmError and std::runtime_error.
+  virtual bool finish(const SweepRun& run, const SweepStore& store, RunRecord& record, const MeasurePicture& measure) = 0;
+};
+
+/// Renders in this process, and keeps the compiled scene of each curve for its next run.
+class LocalSweep : public SweepEngine {
  public:
   /// `tick` is called while it renders with the samples (of pixels) rendered since the last call.
   LocalSweep(const SweepOptions& options, int threads, const std::atomic<bool>& stop, std::function<void(uint64_t samples)> tick);
@@ -24,10 +36,8 @@ class LocalSweep {
   /// The frame of a curve, compiled where it has not been. Throws what FrameRenderer throws.
   const FrameRenderer& frame(const std::string& curve, const FrameSettings& settings);
 
-  /// Goes on with the run from what `record` holds, renders only what is missing, and saves the record. When `stop` becomes
-  /// true the samples that are finished are saved and the answer is false. Throws FilmError where the record's node file
-  /// is not of this frame.
-  bool advance(const SweepRun& run, const SweepStore& store, RunRecord& record, const MeasurePicture& measure);
+  void begin(const SweepRun&, const SweepStore&, RunRecord&) override {}
+  bool finish(const SweepRun& run, const SweepStore& store, RunRecord& record, const MeasurePicture& measure) override;
 
  private:
   const SweepOptions& options_;
@@ -37,9 +47,12 @@ class LocalSweep {
   std::map<std::string, FrameRenderer> frames_;
 };
 
-/// Puts a new node file of a run in the place of the old one: its record then names `name`, which must be durable, and
-/// the old file goes unless it is the picture of a point.
+/// Puts the node file `name`, which must be durable, in the place of the run's old one, and saves the record; the old file goes
+/// unless it is the picture of a point.
 void replace_nodes(const SweepRun& run, const SweepStore& store, RunRecord& record, const std::string& name);
+
+/// The same for a run that has reached its samples: the picture is measured and becomes a point of the record.
+void add_point(const SweepRun& run, const SweepStore& store, RunRecord& record, const std::string& name, const MeasurePicture& measure);
 
 /// The name of a run's node file of so many samples.
 std::string nodes_name(const SweepRun& run, int64_t samples);

@@ -173,6 +173,23 @@ TEST_F(Sweep, ShowsHowDeepPathsMustGo) {
   EXPECT_FALSE(j["curves"][1]["bias_floor"]["seen"]) << j["curves"][1];
 }
 
+TEST_F(Sweep, GivesEachValueOfASetItsOwnReference) {
+  const CommandResult result =
+      run_command({kWoodcock, "sweep", kScenes + "paper/fig10.pbrt", "--resolution", "16x16", "--estimators", "woodcock,woodcock-phase",
+                   "--set", "medium.mist.g=0,0.8", "--spp", "1,2,4,8", "--seeds", "2", "-o", (folder_ / "s").string()});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const nlohmann::json j = json_of(folder_ / "s/results.json");
+  ASSERT_EQ(j["references"].size(), 2u);
+  ASSERT_EQ(j["curves"].size(), 4u);
+  EXPECT_EQ(j["curves"][0]["name"], "woodcock, medium.mist.g=0");
+  EXPECT_EQ(j["curves"][3]["name"], "woodcock-phase, medium.mist.g=0.8");
+  const auto error = [&](size_t curve) { return double(j["curves"][curve]["counts"][3]["relative_mse"]); };
+  // Isotropic scattering leaves the phase function nothing to gain; at 0.8 uniform directions cost (1 + g²)/(1 − g²)² in variance.
+  EXPECT_GT(error(2), 2 * error(3));
+  EXPECT_LT(error(0), 2 * error(1));
+  for (const auto& file : fs::directory_iterator(folder_ / "s/pictures")) EXPECT_EQ(file.path().extension(), ".exr");
+}
+
 TEST_F(Sweep, RefusesWhatMakesNoSense) {
   for (const auto& [options, text] : std::vector<std::pair<std::vector<std::string>, std::string>>{
            {{"--estimators", "nobody"}, "nobody"},
@@ -180,6 +197,9 @@ TEST_F(Sweep, RefusesWhatMakesNoSense) {
            {{"--estimators", "march"}, "step"},
            {{"--estimators", "auto,auto"}, "twice"},
            {{"--spp", "4,2"}, "ascend"},
+           {{"--set", "medium.nobody.g=1"}, "found no \"medium.nobody\""},
+           {{"--set", "medium.gas.g=0,0"}, "twice"},
+           {{"--set", "integrator.maxdepth=1,2"}, "--max-depth"},
            {{"--seeds", "0"}, "--seeds"}}) {
     const CommandResult result = sweep("never", options);
     EXPECT_NE(result.exit_code, 0) << text;

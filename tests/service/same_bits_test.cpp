@@ -79,7 +79,8 @@ TEST_F(ServiceTest, EstimatorSettingsReachTheWorkers) {
       {"--estimator", "line", "--step", "0.5", "--directions", "3"},
       {"--estimator", "uniform-path", "--branching", "2", "--only", "out-scattering"},
       {"--estimator", "woodcock-phase", "--max-depth", "4"},
-      {"--without", "roulette,mis", "--plan", "off", "--kernel", "full"}};
+      {"--without", "roulette,mis", "--plan", "off", "--kernel", "full"},
+      {"--set", "camera.fov=33", "--set", "integrator.maxdepth=3"}};
   for (size_t i = 0; i < settings.size(); ++i) {
     std::vector<std::string> arguments{cloud, "--spp", "2", "--resolution", "16x9"};
     arguments.insert(arguments.end(), settings[i].begin(), settings[i].end());

@@ -1,0 +1,65 @@
+// A sweep that a coordinator's workers render.
+#include <signal.h>
+
+#include "tests/service/service_fixture.h"
+
+namespace woodcock::testing_service {
+namespace {
+
+class ServiceSweep : public ServiceTest {
+ protected:
+  std::vector<std::string> sweep(const std::string& folder, bool by_service) const {
+    std::vector<std::string> arguments{"sweep",        std::string(WOODCOCK_SOURCE_DIR) + "/scenes/paper/fig08.pbrt",
+                                       "--resolution", "24x24",
+                                       "--estimators", "woodcock,auto",
+                                       "--spp",        "1,2,4,8",
+                                       "--seeds",      "2",
+                                       "-o",           path(folder)};
+    if (by_service) arguments.insert(arguments.end(), {"--server", address_});
+    return arguments;
+  }
+  nlohmann::json results(const std::string& folder) const { return nlohmann::json::parse(contents(path(folder) + "/results.json")); }
+
+  /// The errors of all counts, which say what was rendered to the bit, without the times.
+  std::vector<double> errors(const std::string& folder) const {
+    std::vector<double> list;
+    for (const auto& curve : results(folder)["curves"])
+      for (const auto& count : curve["counts"]) list.push_back(count["relative_mse"]);
+    return list;
+  }
+};
+
+TEST_F(ServiceSweep, FindsTheErrorsOfALocalOneAndSharesResults) {
+  start_coordinator();
+  start_worker();
+  start_worker();
+  const Ended here = woodcock(sweep("here", false)), there = woodcock(sweep("there", true));
+  ASSERT_EQ(here.code, 0) << here.err;
+  ASSERT_EQ(there.code, 0) << there.err;
+  EXPECT_EQ(errors("here").size(), 8u);
+  EXPECT_EQ(errors("there"), errors("here"));
+  for (const auto& curve : results("there")["curves"])
+    for (const auto& count : curve["counts"]) EXPECT_GT(count["cpu_seconds"], 0);
+  // Each count is in the next: the job of a run has rendered each of its samples once.
+  const nlohmann::json record = nlohmann::json::parse(contents(path("there") + "/runs/00-woodcock-seed0.json"));
+  const nlohmann::json progress = show(record["job"])["progress"];
+  EXPECT_EQ(progress["samples_done"], 8 * 24 * 24) << progress;
+}
+
+TEST_F(ServiceSweep, GoesOnAfterItsClientWasKilled) {
+  start_coordinator();
+  start_worker();
+  const auto killed = woodcock_in_background(sweep("s", true));
+  ASSERT_TRUE(eventually(kPatience, [&] { return std::filesystem::exists(path("s") + "/runs/01-auto-seed1.json"); }));
+  killed->signal(SIGKILL);
+  ASSERT_EQ(killed->wait(kPatience), 128 + SIGKILL);
+  const Ended rest = woodcock(sweep("s", true));
+  ASSERT_EQ(rest.code, 0) << rest.err;
+  EXPECT_EQ(errors("s").size(), 8u);
+  const Ended other = woodcock(sweep("s", false));
+  EXPECT_EQ(other.code, 1);
+  EXPECT_THAT(other.err, ::testing::HasSubstr("rendered by"));
+}
+
+}  // namespace
+}  // namespace woodcock::testing_service
