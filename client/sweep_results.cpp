@@ -9,6 +9,7 @@
 
 #include "client/frame_options.h"
 #include "client/run_program.h"
+#include "renderer/accuracy/convergence.h"
 #include "renderer/accuracy/sweep_plot.h"
 #include "renderer/film/exr.h"
 #include "renderer/film/png.h"
@@ -47,8 +48,13 @@ Curve find_curve(const SweepFindings& f, const SweepCurve& planned) {
   if (planned.group >= f.references.size()) return curve;
   const SweepReference& reference = f.references[planned.group];
   std::vector<std::vector<float>> pictures;
-  for (const fs::path& file : largest_pictures(*f.plan, *f.store, curve.seeds)) pictures.push_back(read_picture(file).luminances());
+  std::string heavy_tail;
+  for (const fs::path& file : largest_pictures(*f.plan, *f.store, curve.seeds)) {
+    pictures.push_back(read_picture(file).luminances());
+    if (heavy_tail.empty()) heavy_tail = heavy_tail_reason(estimate_error(file));
+  }
   curve.summary = summarise_curve(curve.points, reference.relative_mse, bias_floor(pictures, reference.luminance, reference.relative_mse));
+  curve.summary.heavy_tail = heavy_tail;
   return curve;
 }
 
@@ -226,6 +232,7 @@ nlohmann::json curve_json(const SweepFindings& f, size_t index, const Curve& cur
   if (s.floor) j["bias_floor"] = {{"relative_mse", s.floor->relative_mse}, {"half_width", s.floor->half_width}, {"seen", s.floor->seen()}};
   if (s.efficiency)
     j["efficiency"] = {{"value", s.efficiency->value}, {"half_width", s.efficiency->half_width}, {"at_samples", s.efficiency_at}};
+  if (!s.heavy_tail.empty()) j["heavy_tail"] = s.heavy_tail;
   for (const double e : kTableErrors) j["time_to_error"][fmt::format("{}", e)] = time_json(time_to_error(s, e));
   return j;
 }

@@ -254,7 +254,7 @@ TimeToError time_to_error(const CurveSummary& curve, double error) {
     return {Kind::kMeasured, between(above.cpu_seconds, below->cpu_seconds), between(static_cast<double>(above.samples), n)};
   }
   if (curve.floor_mse() >= target) return {Kind::kNever, 0, 0};
-  if (counts.empty() || !curve.slope || !curve.slope->falls_with_samples()) return {};
+  if (counts.empty() || !curve.slope || !curve.slope->falls_with_samples() || !curve.heavy_tail.empty()) return {};
   const double factor = (counts.back().relative_mse - curve.floor_mse()) / (target - curve.floor_mse());
   return {Kind::kExtrapolated, counts.back().cpu_seconds * factor, static_cast<double>(counts.back().samples) * factor};
 }

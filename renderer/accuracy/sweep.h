@@ -79,6 +79,8 @@ struct CurveSummary {
   /// count whose noise exceeds floor and reference error. `half_width` between seeds, 0 for one seed.
   std::optional<Estimate> efficiency;
   int64_t efficiency_at = 0;  ///< that count
+  /// Why single samples carry the pictures (heavy_tail_reason of convergence.h), for the caller to fill in; empty where none do.
+  std::string heavy_tail;
 
   /// The squared floor that is taken off to see the noise: 0 where none is seen.
   double floor_mse() const { return floor && floor->seen() ? floor->relative_mse : 0; }

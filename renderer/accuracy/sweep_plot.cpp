@@ -74,6 +74,16 @@ std::string ticks_of(std::span<const PlottedCurve> curves) {
   return text;
 }
 
+/// 1, 2 and 5 of each power of ten from `low` to `high`, or powers alone where these would crowd.
+std::string decade_ticks(double low, double high) {
+  std::string text;
+  for (double decade = std::pow(10, std::floor(std::log10(low))); decade <= high; decade *= 10)
+    for (const int step : {1, 2, 5})
+      if (const double tick = decade * step; (step == 1 || high < 3000 * low) && tick >= low && tick <= high)
+        text += fmt::format("{}{:.6g}", text.empty() ? "" : ", ", tick);
+  return text;
+}
+
 }  // namespace
 
 std::string style_colour(size_t style) { return kColours[style % kColours.size()]; }
@@ -108,16 +118,15 @@ std::string error_plot(std::span<const PlottedCurve> curves, SweepAxis axis, con
       "set terminal svg noenhanced size 960,{} font 'sans-serif,15' background '#ffffff'\n"
       "set encoding utf8\nset output {}\n",
       480 + 26 * ((lines + 1) / 2 + 1), quoted(output));
-  script += fmt::format("set xlabel '{}'\nset ylabel 'relative error (RMSE), %'\n",
+  script += fmt::format("set xlabel '{}' offset 0,0.4\nset ylabel 'relative error (RMSE), %'\n",
                         over_samples ? "samples per pixel" : "CPU time of the samples, seconds");
+  f = {f.x0 / 1.15, f.x1 * 1.15, f.y0 / 1.6, f.y1 * 1.8};
   script +=
-      over_samples ? "set logscale x 2\nset xtics (" + ticks_of(curves) + ")\n" : std::string("set logscale x 10\nset format x '%g'\n");
-  script +=
-      "set logscale y 10\nset format y '%g'\nset mytics 10\nset grid xtics ytics mytics lc rgb '#cccccc' lw 0.7, lc rgb '#eeeeee' lw 0.5\n";
-  script +=
-      "set key below left horizontal Left reverse samplen 3 spacing 1.2 maxcols 2 width 2\nset border 3 lc rgb '#444444'\nset tics "
-      "nomirror\n";
-  script += fmt::format("set xrange [{}:{}]\nset yrange [{}:{}]\n", f.x0 / 1.15, f.x1 * 1.15, f.y0 / 1.6, f.y1 * 1.8);
+      fmt::format("set logscale x {}\nset xtics ({})\n", over_samples ? 2 : 10, over_samples ? ticks_of(curves) : decade_ticks(f.x0, f.x1));
+  script += fmt::format("set logscale y 10\nset ytics ({})\n", decade_ticks(f.y0, f.y1));
+  script += "set format '%g'\nset grid xtics ytics lc rgb '#cccccc' lw 0.7\nset border 3 lc rgb '#444444'\nset tics nomirror\n";
+  script += "set key below left horizontal Left reverse samplen 3 spacing 1.2 maxcols 2 width 2 height 1\n";
+  script += fmt::format("set xrange [{}:{}]\nset yrange [{}:{}]\n", f.x0, f.x1, f.y0, f.y1);
   script += data + "plot ";
   for (size_t i = 0; i < plots.size(); ++i) script += (i == 0 ? "" : ", \\\n     ") + plots[i];
   return script + "\n";

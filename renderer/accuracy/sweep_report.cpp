@@ -103,6 +103,8 @@ std::string slope_cell(const CurveSummary& summary) {
   std::string text = fmt::format("{}{:.3f}", s.value < 0 ? "−" : "", std::abs(s.value / 2));
   if (s.half_width) text += fmt::format(" ± {:.3f}", *s.half_width / 2);
   text += fmt::format(" ({} to {} spp)", s.from, s.to);
+  if (!summary.heavy_tail.empty())
+    text += " <b>heavy tail: " + escaped(summary.heavy_tail) + "; nothing is promised beyond the last count</b>";
   if (!s.falls_with_samples()) text += " <b>flatter than −1/2: a heavy tail, nothing is promised beyond the last count</b>";
   return text;
 }
@@ -121,7 +123,8 @@ std::string floor_cell(const ReportCurve& curve) {
 
 std::string efficiency_cell(const CurveSummary& summary) {
   if (!summary.efficiency) return "—";
-  return fmt::format("{:.3g} ± {:.1g}", summary.efficiency->value, summary.efficiency->half_width);
+  const auto [value, half_width] = *summary.efficiency;
+  return value >= 100 ? fmt::format("{:.0f} ± {:.0f}", value, half_width) : fmt::format("{:.3g} ± {:.1g}", value, half_width);
 }
 
 std::string curve_table(const SweepReport& report) {
@@ -216,7 +219,7 @@ std::string plan_table(const SweepReport& report) {
 }
 
 constexpr const char* kStyle =
-    "body{font:16px/1.5 sans-serif;color:#222;background:#fff;max-width:1120px;margin:2em auto;padding:0 1em}"
+    "body{font:16px/1.5 sans-serif;color:#222;background:#fff;max-width:1240px;margin:2em auto;padding:0 1em}"
     "h1{font-size:1.6em;margin-bottom:.2em}h2{font-size:1.25em;margin-top:2em;border-bottom:1px solid #ccc}h3{font-size:1.05em}"
     "table{border-collapse:collapse;margin:.8em 0;font-size:.92em}th,td{padding:.35em .7em;border-bottom:1px solid #ddd;text-align:left;"
     "vertical-align:top}th{background:#f4f4f4}svg{max-width:100%;height:auto}img{image-rendering:pixelated;border:1px solid #ccc}"

@@ -171,6 +171,11 @@ TEST(SweepTime, IsNeverBelowTheFloor) {
 TEST(SweepTime, IsNotPromisedForAHeavyTail) {
   const auto curve = summarise_curve(power_law(1, -0.5, 0, 0, 64, 1, {1, 1}), 0, {});
   EXPECT_EQ(time_to_error(curve, 0.01).kind, Kind::kUnknown);
+  auto fireflies = summarise_curve(power_law(1, -1, 0, 0, 64, 1, {1, 1}), 0, {});
+  EXPECT_EQ(time_to_error(fireflies, 0.01).kind, Kind::kExtrapolated);
+  fireflies.heavy_tail = "one sample carries it";
+  EXPECT_EQ(time_to_error(fireflies, 0.01).kind, Kind::kUnknown);
+  EXPECT_EQ(time_to_error(fireflies, 0.2).kind, Kind::kMeasured);
   EXPECT_THAT(report_time(time_to_error(curve, 0.01)), HasSubstr("unknown"));
 }
 
