@@ -9,6 +9,7 @@ namespace woodcock {
 void add_render_command(CLI::App& app, int& code);
 void add_merge_command(CLI::App& app, int& code);
 void add_compare_command(CLI::App& app, int& code);
+void add_quote_command(CLI::App& app, int& code);
 void add_explain_command(CLI::App& app, int& code);
 void add_estimators_command(CLI::App& app, int& code);
 void add_submit_command(CLI::App& app, int& code);

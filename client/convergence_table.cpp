@@ -14,19 +14,18 @@ namespace {
 /// "2.3 %", with three significant digits.
 std::string percent(double part) { return fmt::format("{:.3g} %", 100 * part); }
 
-/// Short times too.
-std::string time(double seconds) { return seconds < 10 ? fmt::format("{:.3g} s", seconds) : format_seconds(seconds); }
-
 std::string row_of(const ConvergencePoint& point, int64_t timed_from) {
   const ErrorEstimate& e = point.error;
   const std::string error = e.relative_error ? percent(e.relative_error->value) : "unknown";
   const std::string mean = e.image_mean_half_width ? fmt::format("{:.5g} ± {:.2g}", e.image_mean, *e.image_mean_half_width)
                                                    : fmt::format("{:.5g}", e.image_mean);
   return fmt::format("{:>10}  {:>9}  {:<22}  {:>10}\n", point.samples, error, mean,
-                     point.samples > timed_from ? time(point.cpu_seconds) : "earlier");
+                     point.samples > timed_from ? short_time(point.cpu_seconds) : "earlier");
 }
 
 }  // namespace
+
+std::string short_time(double seconds) { return seconds < 10 ? fmt::format("{:.3g} s", seconds) : format_seconds(seconds); }
 
 std::string format_convergence(const Convergence& record, int threads) {
   if (record.points.empty()) return {};
@@ -36,8 +35,8 @@ std::string format_convergence(const Convergence& record, int threads) {
     return text + fmt::format("heavy tail: {}. The errors above may be too small, and what less would cost cannot be told.\n", reason);
   for (const Prediction& p : predict(record)) {
     text += fmt::format("{:>10}  {:>9}  {:<22}  {:>10}  more, {} on {} threads\n", p.samples, percent(p.error),
-                        fmt::format("({} to {} samples)", p.samples_low, p.samples_high), time(p.cpu_seconds),
-                        time(p.cpu_seconds / threads), threads);
+                        fmt::format("({} to {} samples)", p.samples_low, p.samples_high), short_time(p.cpu_seconds),
+                        short_time(p.cpu_seconds / threads), threads);
   }
   return text;
 }

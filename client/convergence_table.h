@@ -9,6 +9,9 @@
 
 namespace woodcock {
 
+/// Seconds as "0.018 s", "3.25 s", and from ten on as `format_seconds`.
+std::string short_time(double seconds);
+
 /// The error at 1, 2, 4, … samples with CPU time, then the price of half, a quarter and a tenth of it, in CPU time and in time on
 /// `threads` threads; a warning in place of prices where the picture has a heavy tail. Ends in a newline; empty for an
 /// empty record.

@@ -18,27 +18,6 @@ namespace {
 /// Samples of one pass: short enough that an interrupted render loses little, long enough that passes cost nothing.
 constexpr int64_t kPassSamples = 32;
 
-/// Puts the next node behind the others: siblings become their parent.
-void push_node(std::vector<Tile>& nodes, Tile node) {
-  while (!nodes.empty()) {
-    const Tile& left = nodes.back();
-    const SampleRange both{left.range.begin, node.range.end};
-    if (left.range.size() != node.range.size() || left.range.end != node.range.begin || !is_dyadic(both)) break;
-    const int level = dyadic_level(node.range);
-    for (size_t i = 0; i < node.pixels.size(); ++i) node.pixels[i] = merge(left.pixels[i], node.pixels[i], level);
-    node.range = both;
-    nodes.pop_back();
-  }
-  nodes.push_back(std::move(node));
-}
-
-/// CPU time of the calling thread.
-double thread_seconds() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
 struct Pass {
   Tile whole;
   double cpu_seconds = 0;
@@ -55,7 +34,7 @@ Pass render_pass(const FrameRenderer& frame, SampleRange range, const std::vecto
   int running = threads;
   std::exception_ptr failure;
   const auto work = [&] {
-    const double start = thread_seconds();
+    const double start = thread_cpu_seconds();
     try {
       for (size_t i = next++; i < tiles.size() && !progress.cancel; i = next++) {
         const auto tile = frame.render(tiles[i], range, 1, progress);
@@ -72,7 +51,7 @@ Pass render_pass(const FrameRenderer& frame, SampleRange range, const std::vecto
       progress.cancel = true;
     }
     const std::lock_guard lock(mutex);
-    pass.cpu_seconds += thread_seconds() - start;
+    pass.cpu_seconds += thread_cpu_seconds() - start;
     --running;
     finished.notify_all();
   };
@@ -91,6 +70,25 @@ Pass render_pass(const FrameRenderer& frame, SampleRange range, const std::vecto
 }
 
 }  // namespace
+
+void push_node(std::vector<Tile>& nodes, Tile node) {
+  while (!nodes.empty()) {
+    const Tile& left = nodes.back();
+    const SampleRange both{left.range.begin, node.range.end};
+    if (left.range.size() != node.range.size() || left.range.end != node.range.begin || !is_dyadic(both)) break;
+    const int level = dyadic_level(node.range);
+    for (size_t i = 0; i < node.pixels.size(); ++i) node.pixels[i] = merge(left.pixels[i], node.pixels[i], level);
+    node.range = both;
+    nodes.pop_back();
+  }
+  nodes.push_back(std::move(node));
+}
+
+double thread_cpu_seconds() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
 
 std::vector<SampleRange> render_passes(SampleRange samples) {
   std::vector<SampleRange> passes;

@@ -20,6 +20,7 @@ int main(int argc, char** argv) {
   woodcock::add_render_command(app, code);
   woodcock::add_merge_command(app, code);
   woodcock::add_compare_command(app, code);
+  woodcock::add_quote_command(app, code);
   woodcock::add_explain_command(app, code);
   woodcock::add_estimators_command(app, code);
   woodcock::add_submit_command(app, code);

@@ -25,10 +25,8 @@ double mse_of(const ErrorEstimate& error) {
   return unbiased > 0 ? unbiased : *error.relative_mse;
 }
 
-/// Relative standard deviation of `mse_of`: noise, and the bias of order E⁴ that the jackknife leaves.
-double deviation(const ErrorEstimate& error) {
-  return std::sqrt(*error.mse_deviation * *error.mse_deviation + *error.relative_mse * *error.relative_mse);
-}
+/// Relative standard deviation of `mse_of`: noise, and the bias of order E⁴ that the jackknife leaves, taken for `bias`·E⁴.
+double deviation(const ErrorEstimate& error, double bias) { return std::hypot(*error.mse_deviation, bias * *error.relative_mse); }
 
 }  // namespace
 
@@ -43,8 +41,9 @@ std::optional<Estimate> mse_slope(std::span<const ConvergencePoint> points) {
   double a = 0, b = 0, c = 0, u = 0, v = 0, last[3] = {}, last_chain = 0;
   int rows = 0;
   for (const auto& [samples, error, seconds] : points) {
-    if (samples < 4 || !error.relative_error || !(*error.relative_mse > 0) || error.relative_error->value > kLargestError) continue;
-    const double sigma = std::max(deviation(error), 1e-9);
+    if (samples < kReplicates || !error.relative_error || !(*error.relative_mse > 0) || error.relative_error->value > kLargestError)
+      continue;
+    const double sigma = std::max(deviation(error, 2), 1e-9);
     // E[log(1 + ε)] = −σ²/2.
     const double row[3] = {1 / sigma, std::log(static_cast<double>(samples)) / sigma,
                            (std::log(mse_of(error)) + 0.5 * *error.mse_deviation * *error.mse_deviation) / sigma};
@@ -90,7 +89,7 @@ std::optional<Prediction> predict_error(const Convergence& record, double target
   // n·E² = a − b/n with the bias b/n² of E²: the larger root of wanted·n² − a·n + b = 0.
   const double a = n * mse, b = n * (a - n * *error.relative_mse);
   double needed = (a + std::sqrt(std::max(0.0, a * a - 4 * wanted * b))) / (2 * wanted), flatter = needed;
-  double spread = kNormal95 * deviation(error);
+  double spread = kNormal95 * deviation(error, 1);
   const std::span<const ConvergencePoint> last(record.points.end() - std::min<ptrdiff_t>(4, std::ssize(record.points)),
                                                record.points.end());
   if (const auto slope = mse_slope(last); slope && slope->value + 1.5 * slope->half_width < -1 - kSlopeTolerance) {

@@ -34,9 +34,9 @@ struct Convergence {
 /// CPU seconds a sample per pixel took: those of the last point over its timed samples. 0 where nothing was timed.
 double seconds_per_sample(const Convergence& record);
 
-/// The slope of log(E²) against log(samples) with its 95 % interval, by generalised least squares over the points from 4
+/// The slope of log(E²) against log(samples) with its 95 % interval, by generalised least squares over the points from 8
 /// samples on with an error below 50 %. E² is taken without the bias of its denominators (`unbiased_relative_mse`); the
-/// weights hold the noise of each estimate and, for the bias that is left, E⁴. Absent for fewer than three such points. −1
+/// weights hold the noise of each estimate and, for the bias that is left, 2·E⁴. Absent for fewer than three such points. −1
 /// for independent samples; low-discrepancy ones can be steeper.
 std::optional<Estimate> mse_slope(std::span<const ConvergencePoint> points);
 
