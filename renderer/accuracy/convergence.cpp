@@ -12,7 +12,8 @@ namespace {
 constexpr double kNormal95 = 1.959963984540054;
 constexpr double kLargestError = 0.5;
 constexpr double kLargestOneSampleShare = 0.25;
-constexpr double kLargestFireflyShare = 0.25;
+constexpr double kLargestSquareShare = 0.25;
+constexpr int64_t kSquareShareSamples = 128;
 
 /// g of the head of convergence.h.
 double chain(int64_t samples) {
@@ -67,8 +68,9 @@ std::optional<Estimate> mse_slope(std::span<const ConvergencePoint> points) {
 std::string heavy_tail_reason(const ErrorEstimate& error) {
   if (error.one_sample_share && *error.one_sample_share > kLargestOneSampleShare && error.samples * error.pixels >= 256)
     return fmt::format("one sample carries {:.0f} % of the error", 100 * std::min(1.0, *error.one_sample_share));
-  if (error.samples >= 256 && error.firefly_share && *error.firefly_share > kLargestFireflyShare)
-    return fmt::format("{:.0f} % of the pixels owe more than a tenth of their value to one sample", 100 * *error.firefly_share);
+  if (error.samples >= kSquareShareSamples && error.largest_square_share && *error.largest_square_share > kLargestSquareShare)
+    return fmt::format("in {} samples a pixel the largest one still is {:.0f} % of the sum of squares", error.samples,
+                       100 * *error.largest_square_share);
   return {};
 }
 

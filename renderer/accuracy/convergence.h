@@ -45,8 +45,9 @@ inline constexpr double kSlopeTolerance = 0.05;
 
 /// Why the last error and what follows from it are not to be trusted; empty where nothing speaks against it. Grounds: the
 /// slope is flatter than −1 beyond its interval and the tolerance; one sample carries a quarter of the squared error or of
-/// the variance of the image mean, among at least 256; from 256 samples a pixel on, a quarter of the pixels owe more than a
-/// tenth of their value to one sample.
+/// the variance of the image mean, among at least 256; from 128 samples a pixel on, the largest of them is a quarter of the sum
+/// of their squares, on average over the pixels (ordinary noise: a tenth, and falling as 1/samples; without a variance it stays).
+/// Light that no sample has found yet leaves no trace: such a picture cannot be told from a good one.
 std::string heavy_tail_reason(std::span<const ConvergencePoint> points);
 /// The same from one estimate alone, without the slope.
 std::string heavy_tail_reason(const ErrorEstimate& error);

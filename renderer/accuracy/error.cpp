@@ -107,6 +107,14 @@ void estimate_pixels(const VisitPixels& visit, PixelWeights& weights_of, ErrorEs
   error.one_sample_share = mse > 0 ? std::max(largest_absolute / variance, largest_relative / relative) : 0;
 }
 
+/// largest²/Σ sample², with Σ = n·(deviation² + mean²) of luminance: the deviations of the channels are added as if they went
+/// together, as those of light that comes and does not come do.
+double largest_square_share(const PixelStats& pixel, double mean, double samples) {
+  const double s = static_cast<double>(luminance(pixel.deviation)), sum = samples * (s * s + mean * mean);
+  const double largest = static_cast<double>(pixel.largest);
+  return sum > 0 ? std::min(1.0, largest * largest / sum) : 0;
+}
+
 /// Replicate k of the whole image is the mean of the pixels' replicates; where pixels hold different numbers of samples its weight
 /// is the mean of theirs. Each such mean is unbiased, and from 32 samples on, where the schedule's counts are multiples of 8, the
 /// weights are exact.
@@ -115,6 +123,7 @@ ErrorEstimate estimate(const VisitPixels& visit, PixelWeights weights_of) {
   std::array<double, kReplicates> replicate{};
   FoldWeights sum;
   int64_t fireflies = 0, pixels_for_fireflies = 0;
+  double largest_squares = 0;
   visit([&](std::span<const PixelStats> piece) {
     for (const PixelStats& pixel : piece) {
       if (pixel.missing()) {
@@ -129,6 +138,7 @@ ErrorEstimate estimate(const VisitPixels& visit, PixelWeights weights_of) {
       if (weights.samples < static_cast<double>(kFireflySamples)) continue;
       ++pixels_for_fireflies;
       if (static_cast<double>(pixel.largest) > 0.1 * total) ++fireflies;
+      largest_squares += largest_square_share(pixel, total / weights.samples, weights.samples);
     }
   });
   if (error.pixels == 0) return error;
@@ -139,7 +149,10 @@ ErrorEstimate estimate(const VisitPixels& visit, PixelWeights weights_of) {
   error.degrees = std::max(0, degrees_of(weights));
   for (double& r : replicate) r /= static_cast<double>(error.pixels);
   error.image_mean = mean_luminance(replicate, weights);
-  if (pixels_for_fireflies > 0) error.firefly_share = static_cast<double>(fireflies) / static_cast<double>(pixels_for_fireflies);
+  if (pixels_for_fireflies > 0) {
+    error.firefly_share = static_cast<double>(fireflies) / static_cast<double>(pixels_for_fireflies);
+    error.largest_square_share = largest_squares / static_cast<double>(pixels_for_fireflies);
+  }
   if (error.degrees < 1) return error;
   error.image_mean_standard_error = std::sqrt(variance_between(replicate, weights));
   error.image_mean_half_width = student_quantile(0.5 + kConfidence / 2, error.degrees) * *error.image_mean_standard_error;
@@ -236,6 +249,7 @@ std::vector<std::pair<std::string, double>> error_fields(const ErrorEstimate& er
   add("unbiased_relative_mse", error.unbiased_relative_mse);
   add("mse_deviation", error.mse_deviation);
   add("firefly_share", error.firefly_share);
+  add("largest_square_share", error.largest_square_share);
   add("one_sample_share", error.one_sample_share);
   return fields;
 }

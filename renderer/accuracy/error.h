@@ -50,6 +50,10 @@ struct ErrorEstimate {
   std::optional<double> standard_error;  ///< sqrt(mean over pixels of Var(x̄)), in units of radiance
   /// Share of the pixels that owe more than a tenth of their value to one sample; of those with kFireflySamples at least.
   std::optional<double> firefly_share;
+  /// Mean over the pixels of largest²/Σ sample², absent below kFireflySamples. It falls about as 1/n where samples have a
+  /// variance; where P(sample > v) ~ v^-α with α < 2 it stays near 1 − α/2, however many they are (Darling 1952, "The influence of the
+  /// maximum term in the addition of independent random variables").
+  std::optional<double> largest_square_share;
   /// The largest share that one sample has of the picture's E² or of the variance of its mean.
   std::optional<double> one_sample_share;
 };
