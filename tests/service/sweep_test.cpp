@@ -23,7 +23,8 @@ class ServiceSweep : public ServiceTest {
   /// The errors of all counts, which say what was rendered to the bit, without the times.
   std::vector<double> errors(const std::string& folder) const {
     std::vector<double> list;
-    for (const auto& curve : results(folder)["curves"])
+    const nlohmann::json all = results(folder);
+    for (const auto& curve : all["curves"])
       for (const auto& count : curve["counts"]) list.push_back(count["relative_mse"]);
     return list;
   }
@@ -38,7 +39,8 @@ TEST_F(ServiceSweep, FindsTheErrorsOfALocalOneAndSharesResults) {
   ASSERT_EQ(there.code, 0) << there.err;
   EXPECT_EQ(errors("here").size(), 8u);
   EXPECT_EQ(errors("there"), errors("here"));
-  for (const auto& curve : results("there")["curves"])
+  const nlohmann::json all = results("there");
+  for (const auto& curve : all["curves"])
     for (const auto& count : curve["counts"]) EXPECT_GT(count["cpu_seconds"], 0);
   // Each count is in the next: the job of a run has rendered each of its samples once.
   const nlohmann::json record = nlohmann::json::parse(contents(path("there") + "/runs/00-woodcock-seed0.json"));
