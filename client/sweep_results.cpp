@@ -95,6 +95,7 @@ ReportPicture picture_of(const SweepFindings& f, const RunPoint& point, const Sw
 
 /// The pictures of the first seed at the time that the quickest curve of the group took in all.
 void add_pictures(const SweepFindings& f, const std::vector<Curve>& curves, SweepReport& report) {
+  const auto distance = [](double a, double b) { return std::abs(std::log(a / b)); };
   for (size_t g = 0; g < f.references.size(); ++g) {
     double budget = INFINITY;
     for (size_t i = 0; i < curves.size(); ++i)
@@ -104,7 +105,7 @@ void add_pictures(const SweepFindings& f, const std::vector<Curve>& curves, Swee
       if (f.plan->curves[i].group != g) continue;
       const RunPoint* best = nullptr;
       for (const RunPoint& p : curves[i].seeds.front().points)
-        if (!p.picture.empty() && (best == nullptr || p.cpu_seconds <= budget)) best = &p;
+        if (!p.picture.empty() && (best == nullptr || distance(p.cpu_seconds, budget) < distance(best->cpu_seconds, budget))) best = &p;
       if (best != nullptr) report.curves[i].picture = picture_of(f, *best, f.references[g]);
     }
   }

@@ -68,6 +68,13 @@ std::string error_map(const ReportPicture& picture, double white) {
   return encode_png(picture.width, picture.height, codes);
 }
 
+/// Three digits, without an exponent.
+std::string rounded(double value) {
+  if (!(value >= 100)) return fmt::format("{:.3g}", value);
+  const double unit = std::pow(10, std::floor(std::log10(value)) - 2);
+  return fmt::format("{:.0f}", std::round(value / unit) * unit);
+}
+
 std::string percent(double relative_mse) { return relative_mse > 0 ? fmt::format("{:.3g} %", 100 * std::sqrt(relative_mse)) : "0 %"; }
 
 std::string table(const std::vector<std::string>& heads, const std::vector<std::vector<std::string>>& rows) {
@@ -180,7 +187,8 @@ std::string picture_section(const SweepReport& report) {
               fmt::format("<figcaption>{}<br>{} of CPU time, {} spp<br>error {}</figcaption></figure>\n", named(report, i),
                           report_seconds(picture->cpu_seconds), picture->samples, percent(picture->relative_mse));
     }
-    text += fmt::format("</div>\n<p>Error maps: <span class=\"scale\"></span> from 0 to {:.2g} % of the pixel's value.</p>\n", 100 * white);
+    text += fmt::format("</div>\n<p>Error maps: <span class=\"scale\"></span> from 0 to {} % of the pixel's value.</p>\n",
+                        rounded(100 * white));
   }
   return text;
 }
@@ -206,6 +214,7 @@ std::string effect_table(const SweepReport& report) {
   }
   return "<h2>What each effect costs</h2>\n<p>The estimator auto with one thing left out. The error is that of each picture by its own "
          "replicates, without a reference; efficiency is 1/(relative MSE · CPU time), and above 1 where leaving the thing out pays. "
+         "Times are of one picture each: on a busy machine a tenth is noise, as the rows of what the scene does not use show. "
          "Where another picture comes out, efficiency says what that picture costs, not what this one would.</p>\n" +
          table({"left out", "changes the picture", "CPU time a sample", "time, all on = 1", "error", "efficiency, all on = 1"}, rows);
 }
@@ -242,9 +251,9 @@ std::string report_time(const TimeToError& time) {
     case TimeToError::Kind::kAtMost:
       return fmt::format("at most {} ({:.0f} spp)", report_seconds(time.cpu_seconds), time.samples);
     case TimeToError::Kind::kMeasured:
-      return fmt::format("{} ({:.3g} spp)", report_seconds(time.cpu_seconds), time.samples);
+      return fmt::format("{} ({} spp)", report_seconds(time.cpu_seconds), rounded(time.samples));
     case TimeToError::Kind::kExtrapolated:
-      return fmt::format("≈ {} ({:.3g} spp, extrapolated)", report_seconds(time.cpu_seconds), time.samples);
+      return fmt::format("≈ {} ({} spp, extrapolated)", report_seconds(time.cpu_seconds), rounded(time.samples));
     case TimeToError::Kind::kNever:
       return "never: below the bias floor";
     case TimeToError::Kind::kUnknown:
@@ -277,9 +286,8 @@ std::string sweep_html(const SweepReport& report) {
       "it.</p>\n";
   if (const std::string pictures = picture_section(report); !pictures.empty())
     text +=
-        "<h2>Pictures at equal time</h2>\n<p>Of the first seed: each curve's largest count that takes no longer than the quickest curve's "
-        "largest count "
-        "(counts are those of the sweep, so times agree to the next of them).</p>\n" +
+        "<h2>Pictures at equal time</h2>\n<p>Of the first seed: each curve at the count whose CPU time is nearest to what the quickest "
+        "curve takes for its largest count (counts are those of the sweep, so times agree to the nearest of them).</p>\n" +
         pictures;
   text += effect_table(report) + "<h2>References</h2>\n";
   std::vector<std::vector<std::string>> references;
