@@ -10,7 +10,6 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "tests/film/random_tiles.h"
 #include "tests/support/run_command.h"
 
 namespace woodcock {
