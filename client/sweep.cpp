@@ -29,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Options : SweepOptions {
-  std::string counts_text = "1,2,4,...,256";
+  std::string counts_text = "1,2,4,...,256", depths_text;
   std::optional<ServiceOptions> service;
   int threads = 0;
   bool json = false;
@@ -181,12 +181,25 @@ SweepPlan plan_or_usage(const SweepOptions& options, int scene_depth, uint64_t s
   }
 }
 
-int run(Options& options) {
+std::vector<int64_t> parse_list(const std::string& option, const std::string& text) {
   try {
-    options.counts = parse_counts(options.counts_text);
+    return parse_counts(text);
   } catch (const std::invalid_argument& error) {
-    throw CLI::ValidationError("--spp", error.what());
+    throw CLI::ValidationError(option, error.what());
   }
+}
+
+int checked_depth(int64_t depth) {
+  constexpr int64_t kDeepest = 1000000;
+  if (depth > kDeepest)
+    throw CLI::ValidationError("--max-depth", fmt::format("found {}, expected at most {} scatterings", depth, kDeepest));
+  return static_cast<int>(depth);
+}
+
+int run(Options& options) {
+  options.counts = parse_list("--spp", options.counts_text);
+  if (!options.depths_text.empty())
+    for (const int64_t depth : parse_list("--max-depth", options.depths_text)) options.depths.push_back(checked_depth(depth));
   const std::atomic<bool>& stop = interrupt_flag();
   const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   ProgressLine line("sweeping", options.json);
@@ -274,10 +287,8 @@ void add_sweep_command(CLI::App& app, int& code) {
   command->add_option("--step", options->steps, "Lengths of a step in world units: each estimator that marches, with each")
       ->delimiter(',')
       ->type_name("LIST");
-  command->add_option("--max-depth", options->depths, "Scatterings a path may have: each estimator with each, against the deepest")
-      ->delimiter(',')
-      ->type_name("LIST")
-      ->check(CLI::NonNegativeNumber);
+  command->add_option("--max-depth", options->depths_text, "Scatterings a path may have: each estimator with each, against the deepest")
+      ->type_name("LIST");
   command->add_option("--seeds", options->seeds, "Independent pictures of each; intervals are those between them")
       ->check(CLI::Range(1, kMostSeeds))
       ->capture_default_str();

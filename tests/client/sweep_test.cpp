@@ -163,14 +163,15 @@ TEST_F(Sweep, MeasuresAgainstAGivenReference) {
 }
 
 TEST_F(Sweep, ShowsHowDeepPathsMustGo) {
-  const CommandResult result = run_command({kWoodcock, "sweep", kScenes + "milk.pbrt", "--resolution", "16x9", "--max-depth", "1,64",
+  const CommandResult result = run_command({kWoodcock, "sweep", kScenes + "milk.pbrt", "--resolution", "16x9", "--max-depth", "1,8,...,64",
                                             "--spp", "1,2,4,...,32", "--seeds", "3", "-o", (folder_ / "s").string()});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const nlohmann::json j = json_of(folder_ / "s/results.json");
-  ASSERT_EQ(j["curves"].size(), 2u);
+  ASSERT_EQ(j["curves"].size(), 3u);
   EXPECT_TRUE(j["curves"][0]["bias_floor"]["seen"]);
   EXPECT_THAT(std::string(j["curves"][0]["biased_by"]), HasSubstr("paths end after 1 scatterings"));
-  EXPECT_FALSE(j["curves"][1]["bias_floor"]["seen"]) << j["curves"][1];
+  EXPECT_GT(j["curves"][0]["bias_floor"]["relative_mse"], j["curves"][1]["bias_floor"]["relative_mse"]);
+  EXPECT_FALSE(j["curves"][2]["bias_floor"]["seen"]) << j["curves"][2];
 }
 
 TEST_F(Sweep, GivesEachValueOfASetItsOwnReference) {
@@ -200,6 +201,7 @@ TEST_F(Sweep, RefusesWhatMakesNoSense) {
            {{"--set", "medium.nobody.g=1"}, "found no \"medium.nobody\""},
            {{"--set", "medium.gas.g=0,0"}, "twice"},
            {{"--set", "integrator.maxdepth=1,2"}, "--max-depth"},
+           {{"--max-depth", "2,1"}, "ascend"},
            {{"--seeds", "0"}, "--seeds"}}) {
     const CommandResult result = sweep("never", options);
     EXPECT_NE(result.exit_code, 0) << text;
