@@ -258,7 +258,8 @@ TEST(HardCases, N66_a_grid_with_coordinates_of_1e5_is_the_grid) {
   for (int i = 0; i < 300; ++i) {
     const auto point = [&] { return 10.0 * DVec3(random.uniform_double(), random.uniform_double(), random.uniform_double()) - 5.0; };
     const DVec3 from = point(), to = point();
-    EXPECT_NEAR(depth_between(*b, from + shift, to + shift), depth_between(*a, from, to), 2e-5) << i;
+    // Points are floats some 50 units from the middle of render space: half a unit in the last place is 2e-6, at each of many.
+    EXPECT_NEAR(depth_between(*b, from + shift, to + shift), depth_between(*a, from, to), 1e-4) << i;
   }
 }
 
