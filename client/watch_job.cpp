@@ -111,7 +111,7 @@ std::optional<v1::Job> watch_job_on_terminal(Service& service, const std::string
     if (progress.samples_total() <= 0) return;
     const double done = static_cast<double>(progress.samples_done() + progress.samples_in_flight());
     line.show(std::min(1.0, done / static_cast<double>(progress.samples_total())),
-              format_count(progress.samples_per_second()) + "samples/s");
+              format_count(progress.samples_per_second()) + (job.has_target() ? "samples/s, this pass" : "samples/s"));
   };
   auto job = watch_job(service, job_id, show);
   line.finish();

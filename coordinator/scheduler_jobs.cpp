@@ -350,7 +350,8 @@ Progress Scheduler::progress(const Job& job, Time now) const {
     for (const auto& [when, count] : job.recent) samples += count;
     if (now - job.recent.back().first < 60 * kSecond)
       sum.samples_per_second = static_cast<double>(samples) / (static_cast<double>(window) * 1e-9);
-    if (sum.samples_per_second > 0)
+    // How many passes follow is not known.
+    if (sum.samples_per_second > 0 && !job.spec.target)
       sum.eta_seconds = static_cast<double>(std::max<int64_t>(0, sum.samples_total - sum.samples_done)) / sum.samples_per_second;
   }
   return sum;

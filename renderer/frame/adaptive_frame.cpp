@@ -23,7 +23,7 @@ namespace woodcock {
 namespace {
 
 /// Where few blocks are left for many threads, each takes a small part of one.
-constexpr int kSmallTile = 8;
+constexpr int kSmallTile = 16;
 
 double thread_cpu_seconds() {
   timespec t{};
@@ -143,7 +143,8 @@ void write_blocks(const std::filesystem::path& exr, const FrameHeader& header, c
       tiles.push_back(&node);
     }
   if (tiles.empty()) throw FilmError(exr.string(), "cannot be written: not one block is rendered");
-  merge_tiles(inputs, [&](size_t i) { return *tiles[i]; }, exr, {{}, {}, blocks.map}, &kErrorSummary);
+  merge_tiles(
+      inputs, [&](size_t i) { return *tiles[i]; }, exr, {{}, {}, blocks.map}, &kErrorSummary);
 }
 
 bool render_pass(const FrameRenderer& frame, const std::vector<int64_t>& counts, const PassSetting& setting, RenderProgress& progress,
@@ -157,7 +158,7 @@ bool render_pass(const FrameRenderer& frame, const std::vector<int64_t>& counts,
     for (const SampleRange range : dyadic_nodes({blocks.map.counts[b], counts[b]}))
       job.nodes.push_back({rect, range, std::vector<PixelStats>(static_cast<size_t>(rect.area()))});
   }
-  const bool few = jobs.size() < 8 * static_cast<size_t>(setting.threads) && setting.threads > 1;
+  const bool few = jobs.size() < 2 * static_cast<size_t>(setting.threads) && setting.threads > 1;
   const int edge = std::min(setting.tile_size, few ? kSmallTile : kBlockEdge);
   std::vector<Unit> units;
   for (size_t j = 0; j < jobs.size(); ++j)
@@ -188,6 +189,21 @@ bool render_pass(const FrameRenderer& frame, const std::vector<int64_t>& counts,
   return complete;
 }
 
+namespace {
+
+/// A pass by the steps of the schedule, all blocks alike: the same bits, and where it is stopped no block is far ahead of the others.
+bool render_in_steps(const FrameRenderer& frame, const std::vector<int64_t>& counts, const PassSetting& setting, RenderProgress& progress,
+                     BlockFrame& blocks, double& cpu_seconds) {
+  while (blocks.map.counts != counts) {
+    std::vector<int64_t> step = blocks.map.counts;
+    for (size_t b = 0; b < step.size(); ++b) step[b] = next_count(step[b], counts[b]);
+    if (!render_pass(frame, step, setting, progress, blocks, cpu_seconds)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
 AdaptiveProgress render_adaptively(const FrameRenderer& frame, const SamplingTarget& target, const PassSetting& setting,
                                    RenderProgress& progress, BlockFrame& blocks, double& cpu_seconds,
                                    const std::function<void(const AdaptiveProgress&)>& before_pass) {
@@ -208,7 +224,7 @@ AdaptiveProgress render_adaptively(const FrameRenderer& frame, const SamplingTar
     if (decision.done() || setting.stop()) return state;
     ++state.pass;
     if (before_pass) before_pass(state);
-    if (!render_pass(frame, decision.counts, setting, progress, blocks, cpu_seconds)) {
+    if (!render_in_steps(frame, decision.counts, setting, progress, blocks, cpu_seconds)) {
       state.end = EndOfSampling::kStopped;
       return state;
     }

@@ -90,9 +90,17 @@ TEST(Coordinator, AnAdaptiveJobGoesOnAcrossRestartsUntilItsTargetAndIsExtended) 
   request.mutable_target()->set_error(0.03);
   request.mutable_target()->set_max_samples(4096);
   const std::string id = world.coordinator->submit(request).job_id();
+  int partials = 0;
   const auto work_to_the_end = [&] {
     for (int i = 0; i < 100 && world.coordinator->job(id).state() < v1::JOB_STATE_DONE; ++i) {
       world.work("w1", 1);
+      // In the middle of a pass its block counts with what it had before.
+      const v1::FrameStatus frame = world.coordinator->job(id).frames(0);
+      if (frame.adaptive().pass() > 1 && frame.state() == v1::FRAME_STATE_RUNNING) {
+        const v1::GetFrameResponse partial = world.coordinator->frame(id, 0, true);
+        EXPECT_EQ(partial.statistics().missing_pixels(), 0);
+        ++partials;
+      }
       world.stop();
       world.start();
       ++world.incarnation;
@@ -124,6 +132,7 @@ TEST(Coordinator, AnAdaptiveJobGoesOnAcrossRestartsUntilItsTargetAndIsExtended) 
   world.coordinator->extend(id, 0, 0.015);
   const v1::Job more = work_to_the_end();
   EXPECT_EQ(more.frames(0).statistics().samples(), 128);
+  EXPECT_GT(partials, 0);
   EXPECT_TRUE(image_of(world, id) == whole_frame(world, 128));
 }
 
