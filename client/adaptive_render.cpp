@@ -65,7 +65,7 @@ std::string end_line(End end, const TargetOptions& options, const SampleMap& map
     case End::kInterrupt:
       return fmt::format("interrupted{}{}: {}\n", aim.empty() ? "" : " before", aim, held);
     case End::kMap:
-      return fmt::format("rendered as the sample map says: {}\n", held);
+      return fmt::format("rendered as asked: {}\n", held);
   }
   return {};
 }
@@ -185,12 +185,19 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
   AdaptiveProgress state;
   nlohmann::json passes = nlohmann::json::array();
   const double pixels = static_cast<double>(header.bounds.area());
-  if (!options.sample_map.empty()) {
-    const SampleMap map = read_sample_map(options.sample_map, header.bounds);
+  if (!options.sample_map.empty() || !options.adaptive()) {
+    SampleMap map = blocks.map;
+    if (!options.sample_map.empty()) {
+      map = read_sample_map(options.sample_map, header.bounds);
+    } else {
+      if (*options.max_samples > kMaxMapSamples)
+        throw FilmError(run.output.string(), fmt::format("cannot be resumed to more than {} samples per pixel", kMaxMapSamples));
+      for (int64_t& count : map.counts) count = std::max(count, *options.max_samples);
+    }
     for (size_t b = 0; b < map.counts.size(); ++b)
       if (blocks.map.counts[b] > map.counts[b])
         throw FilmError(run.output.string(), "cannot be resumed: it holds more samples than the sample map asks for");
-    begin_line("rendering a sample map", map.samples() - before);
+    begin_line("rendering", map.samples() - before);
     state.pass = 1;
     if (!render_pass(frame, map.counts, setting, progress, blocks, cpu_seconds)) end = End::kInterrupt;
   } else {

@@ -52,7 +52,8 @@ struct AdaptiveRun {
   std::string repeat;  ///< a command that repeats a sample, for warnings
 };
 
-/// Renders, writes EXR and PNG, and reports. Returns the exit code.
+/// Renders, writes EXR and PNG, and reports. Without a target every block gets `max_samples`, which must be there then, if it
+/// does not hold more. Returns the exit code.
 int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const AdaptiveRun& run);
 
 }  // namespace woodcock

@@ -75,9 +75,14 @@ int run(const RenderOptions& options) {
   const double load_seconds = seconds();
   const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   const std::string repeat = fmt::format("woodcock render '{}'{} -o sample.exr", options.scene, options_of(options.settings));
-  if (options.target.adaptive())
+  TargetOptions target = options.target;
+  const bool to_a_map = !target.adaptive() && options.resume && fs::exists(output) && ExrReader(output).info().map;
+  if (to_a_map && !options.samples.empty())
+    throw FilmError(output.string(), "cannot be resumed by a range: its blocks hold different numbers of samples; leave --samples out");
+  if (to_a_map) target.max_samples = frame.samples();
+  if (to_a_map || target.adaptive())
     return run_adaptive(
-        frame, options.target,
+        frame, target,
         {output, options.tile, threads, options.resume, options.json, load_seconds, format_bias(options.settings.estimator), repeat});
 
   SampleRange samples{0, frame.samples()};

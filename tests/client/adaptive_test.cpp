@@ -81,6 +81,10 @@ TEST_F(Adaptive, ResumingAddsOnlyTheDifference) {
   expect_replayed("a.exr");
   const nlohmann::json again = render("a.exr", {"--target-error", "18%", "--resume"});
   EXPECT_EQ(again["new_samples"], 0);
+  // Up to one number of samples it becomes a plain frame.
+  render("a.exr", {"--spp", "96", "--resume"});
+  render("plain.exr", {"--spp", "96"});
+  EXPECT_TRUE(bytes_of(folder_ / "a.exr") == bytes_of(folder_ / "plain.exr"));
   // A plain frame is a start as good as any.
   render("plain.exr", {"--spp", "24"});
   EXPECT_EQ(render("plain.exr", {"--target-error", "18%", "--resume"})["ended_by"], "target");
