@@ -9,6 +9,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "renderer/accuracy/adaptive.h"
 #include "renderer/core/arithmetic.h"
 #include "renderer/frame/frame_renderer.h"
 #include "tests/hard_cases/unsafe_arithmetic.h"
@@ -136,6 +137,25 @@ TEST(HardCases, N53_nan_is_found_and_bits_do_not_depend_on_the_compiler_s_libert
          {"-ffast-math", "-Ofast", "-funsafe-math", "-ffinite-math", "-fassociative-math", "-freciprocal-math", "-march=native"})
       EXPECT_THAT(command, ::testing::Not(HasSubstr(flag)));
   }
+}
+
+TEST(HardCases, N59_a_black_block_is_not_done_before_its_least_count_nor_against_its_neighbours) {
+  // Two blocks of 32 × 32 pixels, the left one black so far, the right one lit and noisy.
+  constexpr int64_t kPixels = 1024;
+  const auto decision = [&](int64_t count, double relative_variance, double target) {
+    const SampleMap map{{0, 0, 64, 32}, {count, count}};
+    const std::vector<BlockStatistics> blocks{{kPixels, 0, 0}, {kPixels, 0.5 * kPixels, relative_variance * kPixels}};
+    return decide(map, blocks, {}, {target, 4096});
+  };
+  // The target is met, and yet black is looked at again.
+  const Decision met = decision(16, 1e-6, 0.5);
+  EXPECT_TRUE(met.reached);
+  EXPECT_EQ(met.counts, (std::vector<int64_t>{32, 16}));
+  EXPECT_TRUE(decision(32, 1e-6, 0.5).done());
+  // The target is far: what the neighbour sees may be light that the black block missed.
+  const Decision far = decision(32, 0.04, 0.02);
+  EXPECT_GT(far.counts[0], 32);
+  EXPECT_GT(far.counts[1], 32);
 }
 
 }  // namespace
