@@ -19,6 +19,8 @@ constexpr int kBlock = 8;
 constexpr size_t kFewestBlocks = 64;
 constexpr int64_t kLeastSamples = 64;
 constexpr int64_t kUntimedSamples = 4;
+/// What is quoted may be so many times the pilot's samples: a slope that is off by 0.03 then makes 6 %.
+constexpr int64_t kFarthest = 8;
 /// The pilot goes on until its interval is narrower than ± this, well inside what makes a quote uncertain.
 constexpr double kWanted = 0.06;
 
@@ -138,6 +140,7 @@ Pilot run_pilot(const FrameRenderer& frame, const PilotOptions& options, const s
     if (samples < kLeastSamples) continue;
     const auto quote = options.error ? quote_error(pilot, *options.error) : quote_samples(pilot, frame.samples());
     if (!quote || quote->samples <= samples) break;
+    if (quote->samples > kFarthest * samples) continue;
     const auto n = static_cast<double>(quote->samples);
     if (static_cast<double>(quote->samples_high) <= n * (1 + kWanted) && static_cast<double>(quote->samples_low) >= n * (1 - kWanted))
       break;

@@ -1,8 +1,10 @@
 // `woodcock submit`: a scene to the coordinator.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "client/adaptive_render.h"
 #include "client/commands.h"
@@ -10,6 +12,7 @@
 #include "client/frame_options.h"
 #include "client/health.h"
 #include "client/job_view.h"
+#include "client/quote.h"
 #include "client/service.h"
 #include "client/submission.h"
 #include "client/watch_job.h"
@@ -23,7 +26,7 @@ struct SubmitOptions {
   TargetOptions target;
   std::string scene, output, frames, name;
   int priority = 0, tile = 0;
-  bool watch = false, json = false;
+  bool watch = false, json = false, dry_run = false;
 };
 
 /// "A-B" or "A" as numbers, both included; throws CLI::ValidationError.
@@ -41,8 +44,21 @@ std::pair<uint64_t, uint64_t> parse_frames(const std::string& text) {
   return {first, last};
 }
 
+/// What the job, or the first of its frames, would cost. Nothing is sent.
+int quote_instead(const SubmitOptions& options, uint64_t first) {
+  QuoteRun quote;
+  quote.scene = options.frames.empty() ? options.scene : with_frame_number(options.scene, first);
+  quote.settings = options.settings;
+  quote.settings.frame = first;
+  quote.error = options.target.error;
+  quote.json = options.json;
+  const int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  return run_quote(quote, {threads, "this machine"});
+}
+
 int run(const SubmitOptions& options) {
   const auto [first, last] = parse_frames(options.frames);
+  if (options.dry_run) return quote_instead(options, first);
   check_output(options.output, static_cast<int64_t>(last - first + 1));
   Submission submission;
   submission.request.set_request_id(random_request_id());
@@ -121,6 +137,8 @@ void add_submit_command(CLI::App& app, int& code) {
                    "Edge of the leased tiles in pixels, a power of two from 8 to 1024; 0 leaves it to the coordinator")
       ->check(CLI::IsMember({0, 8, 16, 32, 64, 128, 256, 512, 1024}))
       ->capture_default_str();
+  command->add_flag("--dry-run", options->dry_run,
+                    "Send nothing: quote the samples and time of the job, or of its first frame, from a pilot on this machine");
   command->add_flag("--watch", options->watch, "Show progress until the job has ended");
   command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
   command->footer(

@@ -11,6 +11,8 @@ namespace {
 
 constexpr double kNormal95 = 1.959963984540054;
 constexpr double kLargestError = 0.5;
+/// How far slopes are from −1 as a rule, where low-discrepancy numbers help a little.
+constexpr double kSlopeDeviation = 0.03;
 constexpr double kLargestOneSampleShare = 0.25;
 constexpr double kLargestSquareShare = 0.25;
 constexpr int64_t kSquareShareSamples = 128;
@@ -91,23 +93,28 @@ std::optional<Prediction> predict_error(const Convergence& record, double target
   // n·E² = a − b/n with the bias b/n² of E²: the larger root of wanted·n² − a·n + b = 0.
   const double a = n * mse, b = n * (a - n * *error.relative_mse);
   double needed = (a + std::sqrt(std::max(0.0, a * a - 4 * wanted * b))) / (2 * wanted), flatter = needed;
-  double spread = kNormal95 * deviation(error, 1), steeper = needed;
-  const std::span<const ConvergencePoint> last(record.points.end() - std::min<ptrdiff_t>(4, std::ssize(record.points)),
-                                               record.points.end());
+  double spread = kNormal95 * deviation(error, 1);
   const double ratio = std::log(*error.relative_mse / wanted);
-  if (const auto slope = mse_slope(last); slope && slope->value < -1 - kSlopeTolerance) {
-    steeper = n * std::exp(ratio / (slope->half_width - slope->value));
-    if (slope->value + 1.5 * slope->half_width < -1 - kSlopeTolerance) {
-      needed = n * std::exp(ratio / -slope->value);
-      spread = std::hypot(spread, ratio * slope->half_width / (slope->value * slope->value));
-      // Nobody knows how far the steeper fall goes on; and it is that of the powers of two, between which points fill less well.
-      flatter = std::max({needed, flatter, std::exp2(std::ceil(std::log2(std::max(1.0, needed))))});
-    }
+  const auto last = [&](ptrdiff_t count) {
+    return mse_slope(std::span(record.points.end() - std::min(count, std::ssize(record.points)), record.points.end()));
+  };
+  if (const auto slope = last(4); slope && slope->value + 1.5 * slope->half_width < -1 - kSlopeTolerance) {
+    needed = n * std::exp(ratio / -slope->value);
+    spread = std::hypot(spread, ratio * slope->half_width / (slope->value * slope->value));
+    // Nobody knows how far the steeper fall goes on; and it is that of the powers of two, between which points fill less well.
+    flatter = std::max({needed, flatter, std::exp2(std::ceil(std::log2(std::max(1.0, needed))))});
+  } else if (const auto all = last(6)) {
+    // The mean of two normal distributions: what is expected of slopes, and what was seen of this one.
+    const double seen = std::pow(all->half_width / kNormal95, 2), expected = kSlopeDeviation * kSlopeDeviation;
+    const double s = (all->value * expected - seen) / (seen + expected);
+    needed *= std::exp(ratio * (-1 / s - 1));
+    flatter = needed;
+    spread = std::hypot(spread, kNormal95 * ratio * std::sqrt(seen * expected / (seen + expected)));
   }
   const auto count = [](double v) {
     return v < static_cast<double>(kMaxSamples) ? static_cast<int64_t>(std::ceil(std::max(1.0, v))) : kMaxSamples;
   };
-  Prediction p{target, count(needed), count(std::min(needed, steeper) * std::max(0.0, 1 - spread)), count(flatter * (1 + spread)), 0};
+  Prediction p{target, count(needed), count(needed * std::max(0.0, 1 - spread)), count(flatter * (1 + spread)), 0};
   p.cpu_seconds = seconds_per_sample(record) * static_cast<double>(std::max<int64_t>(0, p.samples - samples));
   return p;
 }
