@@ -1,0 +1,120 @@
+// Adaptive frames in the scheduler: passes, closed blocks, restarts, another target.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "coordinator/task_grid.h"
+#include "tests/service/scheduler_fixture.h"
+
+namespace woodcock::coordinator {
+namespace {
+
+/// 4 × 4 blocks, all at 16 after the first pass.
+JobSpec adaptive_job() {
+  JobSpec job = test_job("j1");
+  job.target = SamplingTarget{0.1, 1000};
+  job.rounds = {{0, kFirstCount}};
+  return job;
+}
+
+Decision next_pass(const SampleMap& map, std::initializer_list<size_t> blocks, int64_t count) {
+  Decision decision;
+  decision.error = 0.5;
+  decision.counts = map.counts;
+  for (const size_t b : blocks) decision.counts[b] = count;
+  decision.active = static_cast<int64_t>(blocks.size());
+  return decision;
+}
+
+TEST(Scheduler, AnAdaptiveFrameGoesOnPassByPassAndAFailedTaskClosesItsBlock) {
+  SchedulerWorld world;
+  world.scheduler.add_job(adaptive_job());
+  world.finish_everything("w1");
+  ASSERT_EQ(world.assembled.size(), 1u);
+  const Frame& frame = world.scheduler.find("j1")->frames[0];
+  EXPECT_TRUE(frame.to_be_assembled());
+  EXPECT_EQ(frame.row.state, FrameState::Running);
+  EXPECT_EQ(frame.settled_map(16).counts, std::vector<int64_t>(16, 16));
+  EXPECT_FALSE(world.scheduler.pass_decided("j1", 0, next_pass(frame.settled_map(16), {5, 6}, 32), {}, 17));
+  EXPECT_TRUE(world.scheduler.pass_decided("j1", 0, next_pass(frame.settled_map(16), {5, 6}, 32), {}, 18));
+  world.settle();
+  EXPECT_EQ(frame.tasks.size(), 18u);
+  EXPECT_EQ(world.events[EventKind::PassDecided], 1);
+  EXPECT_EQ(world.events[EventKind::FramePinned], 1);  // looked up again, not pinned again
+  EXPECT_EQ(frame.settled_map(16).counts, std::vector<int64_t>(16, 16));
+
+  // Nobody can render block 6.
+  const PixelRect poisoned = BlockGrid{frame.spec.header.bounds}.block(6);
+  for (int round = 0; round < 2000 && world.assembled.size() < 2; ++round) {
+    world.now += 31 * kSecond;
+    world.sync("w1");
+    const auto held = world.held["w1"];
+    for (const auto& [id, grant] : held) {
+      if (poisoned.contains(grant.area.rect))
+        world.fail("w1", grant);
+      else
+        world.finish("w1", grant);
+    }
+  }
+  ASSERT_EQ(world.assembled.size(), 2u);
+  SampleMap settled = frame.settled_map(16);
+  EXPECT_EQ(settled.counts[5], 32);
+  EXPECT_EQ(settled.counts[6], 16);
+  EXPECT_EQ(frame.closed_blocks()[6], true);
+  EXPECT_EQ(std::count(settled.counts.begin(), settled.counts.end(), 16), 15);
+
+  // The next pass leaves it alone; a restart in its middle knows the same tasks.
+  EXPECT_TRUE(world.scheduler.pass_decided("j1", 0, next_pass(settled, {5}, 40), {}, 1000));
+  world.settle();
+  RecoveredJob job;
+  job.spec = world.scheduler.find("j1")->spec;
+  job.row = world.scheduler.find("j1")->row;
+  job.frames = {frame.row};
+  for (size_t i = 0; i < frame.tasks.size(); ++i) {
+    const Task& task = frame.tasks[i];
+    if (task.state == TaskState::Open) continue;
+    job.settled.push_back({0, static_cast<int64_t>(i), task.state, {"", task.digest, 0, {}, {}}, task.first_part, task.error});
+  }
+  SchedulerWorld restarted(2);
+  restarted.scheduler.recover_job(job, {}, restarted.now);
+  const Frame& again = restarted.scheduler.find("j1")->frames[0];
+  ASSERT_EQ(again.tasks.size(), frame.tasks.size());
+  for (size_t i = 0; i < frame.tasks.size(); ++i) {
+    EXPECT_EQ(again.tasks[i].area, frame.tasks[i].area);
+    EXPECT_EQ(again.tasks[i].state, frame.tasks[i].state);
+  }
+  EXPECT_EQ(again.settled_map(16), frame.settled_map(16));
+  EXPECT_EQ(again.closed_blocks(), frame.closed_blocks());
+  restarted.settle();
+  restarted.finish_everything("w1");
+  ASSERT_EQ(restarted.assembled.size(), 1u);
+  EXPECT_EQ(again.settled_map(16).counts[5], 40);
+  restarted.scheduler.frame_assembled("j1", 0, std::string(64, 'e'), 1, {});
+  EXPECT_EQ(again.row.state, FrameState::Partial);
+
+  // Another target: it is decided anew.
+  EXPECT_TRUE(restarted.scheduler.set_target("j1", {0.05, 1000}));
+  restarted.settle();
+  EXPECT_EQ(restarted.assembled.size(), 2u);
+  EXPECT_TRUE(again.to_be_assembled());
+}
+
+TEST(TaskGrid, TasksOfAPassLieInOneBlockEach) {
+  SampleMap map{{3, 5, 130, 97}, {}};
+  map.counts.assign(map.grid().size(), 24);
+  std::vector<int64_t> after = map.counts;
+  after[1] = 28;
+  after[7] = 1024;
+  int64_t samples = 0;
+  for (const TaskArea& task : pass_tasks(map, after, 16)) {
+    EXPECT_TRUE(is_dyadic(task.range));
+    const size_t b = map.grid().index(task.rect.x0, task.rect.y0);
+    EXPECT_TRUE(b == 1 || b == 7);
+    EXPECT_TRUE(map.grid().block(b).contains(task.rect));
+    samples += task.samples();
+  }
+  EXPECT_EQ(samples, map.grid().block(1).area() * 4 + map.grid().block(7).area() * 1000);
+}
+
+}  // namespace
+}  // namespace woodcock::coordinator
