@@ -106,6 +106,9 @@ TEST(HardCases, N56_transmittance_is_finite_and_right_at_any_optical_depth) {
       const Estimate e = estimate(along_a_diameter(medium, 1), 500, 1);
       EXPECT_TRUE(e.mean[0] > 0 && e.mean[0] < 1.5) << tau << ": " << e.mean[0];
     }
+    // A glowing ball in the dark, in closed form: Le (1 − exp(−τ)).
+    const Estimate glow = estimate(along_a_diameter(homogeneous("m", Rgb(sigma), Rgb(0), 0, Rgb(2)), 0), 10, 1);
+    EXPECT_NEAR(glow.mean[0], -2 * std::expm1(-tau), -2e-5 * std::expm1(-tau)) << tau;
   }
 }
 
