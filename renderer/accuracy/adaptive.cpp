@@ -116,11 +116,13 @@ std::vector<BlockStatistics> block_statistics(const SampleMap& map, const VisitR
   }
   const double floor = pixels > 0 ? 0.01 * (mean / pixels) : 0;
   PixelWeights weights = PixelWeights::by_count();
+  std::vector<RelativeTerm> sums(blocks.size());
   for_each_pixel(map.grid(), visit, [&](size_t b, const PixelStats& pixel) {
-    const double value = static_cast<double>(film::sample_luminance(pixel.mean)), scale = value * value + floor * floor;
-    // A black pixel of a black image has no error.
-    if (scale > 0) blocks[b].relative_square += variance_of_mean(pixel, weights.of(pixel)) / scale;
+    const RelativeTerm term = relative_term(pixel, weights.of(pixel), floor);
+    sums[b].plain += term.plain;
+    sums[b].unbiased += term.unbiased;
   });
+  for (size_t b = 0; b < blocks.size(); ++b) blocks[b].relative_square = std::max(sums[b].plain, sums[b].unbiased);
   return blocks;
 }
 

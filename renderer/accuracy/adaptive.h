@@ -39,9 +39,10 @@ int64_t next_count(int64_t count, int64_t max_samples);
 
 /// What is known of one block.
 struct BlockStatistics {
-  int64_t pixels = 0;          ///< that hold samples
-  double mean_sum = 0;         ///< Σ of the pixels' mean luminances
-  double relative_square = 0;  ///< Σ Var(x̄)/(x̄² + (0.01·image mean)²): c_b/n_b
+  int64_t pixels = 0;   ///< that hold samples
+  double mean_sum = 0;  ///< Σ of the pixels' mean luminances
+  /// Σ Var(x̄)/(x̄² + (0.01·image mean)²), c_b/n_b: plain, or without the bias of its noisy denominators where that is more.
+  double relative_square = 0;
 };
 
 /// Hands over rows of a picture: `use(rect, pixels)`, row by row from the top; called twice.

@@ -164,6 +164,14 @@ ErrorEstimate estimate(const VisitPixels& visit, PixelWeights weights_of) {
 
 double variance_of_mean(const PixelStats& pixel, const FoldWeights& weights) { return variance_between(replicates_of(pixel), weights); }
 
+RelativeTerm relative_term(const PixelStats& pixel, const FoldWeights& weights, double floor) {
+  const std::array<double, kReplicates> replicate = replicates_of(pixel);
+  const double mean = mean_luminance(replicate, weights), scale = mean * mean + floor * floor;
+  if (!(scale > 0)) return {};
+  const double term = variance_between(replicate, weights) / scale;
+  return {term, jackknifed_term(replicate, weights, term, floor)};
+}
+
 int64_t samples_for(int64_t samples, double error_factor) {
   const double wanted = std::ceil(static_cast<double>(samples) / (error_factor * error_factor));
   return wanted < static_cast<double>(kMaxSamples) ? static_cast<int64_t>(wanted) : kMaxSamples;

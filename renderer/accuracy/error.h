@@ -65,6 +65,13 @@ inline constexpr int64_t kFireflySamples = 64;
 /// mean r_k; unbiased for independent replicates. `weights` as for the pixel's range, with two replicates at least.
 double variance_of_mean(const PixelStats& pixel, const FoldWeights& weights);
 
+/// Var(x̄)/(x̄² + floor²) of one pixel, plain and without the bias of order 1/n that the noise of x̄ gives it (jackknife; may be
+/// negative). For three replicates with samples at least; black pixels have 0.
+struct RelativeTerm {
+  double plain = 0, unbiased = 0;
+};
+RelativeTerm relative_term(const PixelStats& pixel, const FoldWeights& weights, double floor);
+
 /// The weights of each pixel of a picture: those of one range, or, in a frame with a sample map, of [0, the pixel's count).
 class PixelWeights {
  public:
