@@ -3,8 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <functional>
-
 #include "tests/film/random_tiles.h"
 
 namespace woodcock {
@@ -12,18 +10,10 @@ namespace {
 
 using testing::bytes_of;
 using ::testing::HasSubstr;
+using testing::message_of;
 using testing::render_nodes;
 using testing::same_bits;
 using testing::some_header;
-
-std::string message_of(const std::function<void()>& f) {
-  try {
-    f();
-  } catch (const FilmError& e) {
-    return e.what();
-  }
-  return "no error";
-}
 
 TEST(Exr, TilesComeBackToTheBit) {
   testing::TemporaryFolder folder;

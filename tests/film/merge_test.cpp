@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <functional>
 
 #include "tests/film/random_tiles.h"
 
@@ -13,18 +12,10 @@ namespace {
 
 using testing::bytes_of;
 using ::testing::HasSubstr;
+using testing::message_of;
 using testing::render_nodes;
 using testing::render_tile;
 using testing::some_header;
-
-std::string message_of(const std::function<void()>& f) {
-  try {
-    f();
-  } catch (const FilmError& e) {
-    return e.what();
-  }
-  return "no error";
-}
 
 /// Splits pixels × samples at random into tiles.
 void split(PixelRect rect, SampleRange range, Stream& random, std::vector<std::pair<PixelRect, SampleRange>>& tiles) {

@@ -1,14 +1,14 @@
 // Whole frames of random samples for the tests of files and merges.
 #pragma once
 
-#include <unistd.h>
-
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <string>
 
 #include "renderer/film/tile.h"
 #include "tests/film/random_samples.h"
+#include "tests/support/temporary_folder.h"
 
 namespace woodcock::testing {
 
@@ -56,20 +56,15 @@ inline bool same_bits(const Tile& a, const Tile& b) {
          std::memcmp(a.pixels.data(), b.pixels.data(), a.pixels.size() * sizeof(PixelStats)) == 0;
 }
 
-/// A folder that is gone when the test ends.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "woodcock-test-XXXXXX").string();
-    path_ = ::mkdtemp(name.data());
+/// What an exception of the film says, or "no error".
+inline std::string message_of(const std::function<void()>& f) {
+  try {
+    f();
+  } catch (const FilmError& e) {
+    return e.what();
   }
-  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
+  return "no error";
+}
 
 inline std::string bytes_of(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);

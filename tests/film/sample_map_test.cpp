@@ -4,8 +4,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <functional>
-
 #include "renderer/film/merge.h"
 #include "renderer/film/png.h"
 #include "renderer/film/split.h"
@@ -16,18 +14,10 @@ namespace {
 
 using testing::bytes_of;
 using ::testing::HasSubstr;
+using testing::message_of;
 using testing::render_nodes;
 using testing::render_tile;
 using testing::some_header;
-
-std::string message_of(const std::function<void()>& f) {
-  try {
-    f();
-  } catch (const FilmError& e) {
-    return e.what();
-  }
-  return "no error";
-}
 
 /// A frame whose bounds cut the blocks at its edges.
 FrameHeader cropped_header() {

@@ -13,6 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/temporary_folder.h"
+
 namespace woodcock::testing {
 
 struct CommandResult {
@@ -77,26 +79,5 @@ inline CommandResult run_command(const std::vector<std::string>& arguments, cons
                                  std::chrono::seconds deadline = std::chrono::seconds(120)) {
   return run_command(arguments, folder, deadline, [](pid_t) {});
 }
-
-/// A fresh folder that goes with the test.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "woodcock-test-XXXXXX").string();
-    if (mkdtemp(pattern.data()) == nullptr) ADD_FAILURE() << "cannot create a folder under " << pattern;
-    path_ = pattern;
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-
- private:
-  std::filesystem::path path_;
-};
 
 }  // namespace woodcock::testing
