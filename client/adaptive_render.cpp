@@ -226,6 +226,7 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
   const ErrorEstimate error = estimate_error(run.output);
   const double mean_before = static_cast<double>(before) / pixels;
   const Convergence record{{{error.samples, error, cpu_seconds}}, std::llround(mean_before)};
+  const nlohmann::json convergence = convergence_json(record, run.threads);
   write_sidecar(run.output, {{"picture", run.output.filename().string()},
                              {"ended_by", name_of(end)},
                              {"sample_map", sample_map_json(blocks.map)},
@@ -233,10 +234,8 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
                              {"threads", run.threads},
                              {"load_seconds", run.load_seconds},
                              {"render_seconds", render_seconds},
-                             {"convergence", convergence_json(record, run.threads)}});
+                             {"convergence", convergence}});
   if (run.json) {
-    nlohmann::json accuracy = nlohmann::json::object();
-    for (const auto& [key, value] : error_fields(error)) accuracy[key] = value;
     std::vector<Tile> nodes;
     for (const auto& block : blocks.nodes) nodes.insert(nodes.end(), block.begin(), block.end());
     nlohmann::json j{{"output", run.output.string()},
@@ -254,9 +253,9 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
                      {"render_seconds", render_seconds},
                      {"cpu_seconds", cpu_seconds},
                      {"pixel_digest", digest_of_pixels(header, nodes)},
-                     {"error", accuracy},
+                     {"error", error_json(error)},
                      {"after_passes", passes},
-                     {"convergence", convergence_json(record, run.threads)},
+                     {"convergence", convergence},
                      {"sidecar", sidecar_path(run.output).string()},
                      {"counters", counters_json(progress.counters)}};
     if (options.error) j["target_error"] = *options.error;

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
-
 #include "client/progress_line.h"
 #include "renderer/film/atomic_file.h"
 
@@ -41,11 +39,16 @@ std::string format_convergence(const Convergence& record, int threads) {
   return text;
 }
 
+nlohmann::json error_json(const ErrorEstimate& error) {
+  nlohmann::json j = nlohmann::json::object();
+  for (const auto& [key, value] : error_fields(error)) j[key] = value;
+  return j;
+}
+
 nlohmann::json convergence_json(const Convergence& record, int threads) {
   nlohmann::json j{{"points", nlohmann::json::array()}, {"predictions", nlohmann::json::array()}};
   for (const ConvergencePoint& point : record.points) {
-    nlohmann::json row;
-    for (const auto& [key, value] : error_fields(point.error)) row[key] = value;
+    nlohmann::json row = error_json(point.error);
     if (point.samples > record.timed_from) row["cpu_seconds"] = point.cpu_seconds;
     j["points"].push_back(row);
   }
@@ -68,12 +71,7 @@ std::filesystem::path sidecar_path(const std::filesystem::path& picture) {
 }
 
 void write_sidecar(const std::filesystem::path& picture, const nlohmann::json& content) {
-  AtomicFile file(sidecar_path(picture));
-  std::ofstream out(file.path());
-  out << content.dump(2) << '\n';
-  out.close();
-  if (!out) throw FilmError(file.target().string(), "cannot be written");
-  file.commit();
+  write_text(sidecar_path(picture), content.dump(2) + '\n');
 }
 
 }  // namespace woodcock

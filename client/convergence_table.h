@@ -17,7 +17,11 @@ std::string short_time(double seconds);
 /// empty record.
 std::string format_convergence(const Convergence& record, int threads);
 
-/// The same as an object: "points", "slope" where it is known, "seconds_per_sample", "predictions", "heavy_tail".
+/// The numbers of `error_fields` as an object.
+nlohmann::json error_json(const ErrorEstimate& error);
+
+/// The record as an object: "points", "timed_from", "mse_slope" where it is known,
+/// "cpu_seconds_per_sample", "predictions", "heavy_tail".
 nlohmann::json convergence_json(const Convergence& record, int threads);
 
 /// The file beside a picture that keeps what may not be in it because it differs from run to run: "cloud.accuracy.json" for

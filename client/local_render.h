@@ -23,12 +23,6 @@ struct LocalRender {
 /// [0, 1), [1, 2), [2, 4), …, [16, 32), so that the picture is whole at every power of two.
 std::vector<SampleRange> render_passes(SampleRange samples);
 
-/// Puts the next node behind the others: siblings become their parent.
-void push_node(std::vector<Tile>& nodes, Tile node);
-
-/// CPU time of the calling thread.
-double thread_cpu_seconds();
-
 /// Renders `samples` of the whole frame in passes over tiles of edge `tile_size`, after the nodes in `earlier` (which
 /// end where `samples` begins). When `stop` becomes true the passes finished so far are the result; where not even
 /// one is, the first pass is returned with the tiles that are missing (count 0).

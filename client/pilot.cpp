@@ -3,14 +3,12 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <exception>
-#include <mutex>
 #include <numeric>
-#include <thread>
 
 #include "client/local_render.h"
 #include "renderer/core/random.h"
 #include "renderer/film/split.h"
+#include "renderer/frame/run_units.h"
 
 namespace woodcock {
 namespace {
@@ -41,36 +39,18 @@ std::vector<Block> shuffled_blocks(PixelRect bounds) {
   return blocks;
 }
 
-/// Adds `range` to every block; returns the CPU time of all threads. False in `finished` where `stop` ended it.
+/// Adds `range` to every block, or to some where `stop` ends it; returns the CPU time of all threads.
 double render_pass(const FrameRenderer& frame, SampleRange range, std::vector<Block>& blocks, int threads, const std::atomic<bool>& stop) {
-  std::atomic<size_t> next{0};
-  std::mutex mutex;
-  double seconds = 0;
-  std::exception_ptr failure;
   RenderProgress progress;
-  const auto work = [&] {
-    const double start = thread_cpu_seconds();
-    try {
-      for (size_t i = next++; i < blocks.size() && !stop && !progress.cancel; i = next++) {
-        const double before = thread_cpu_seconds();
-        auto tile = frame.render(blocks[i].rect, range, 1, progress);
-        if (!tile) break;
-        push_node(blocks[i].nodes, std::move(*tile));
-        if (range.begin >= kUntimedSamples) blocks[i].seconds += thread_cpu_seconds() - before;
-      }
-    } catch (...) {
-      const std::lock_guard lock(mutex);
-      failure = std::current_exception();
-      progress.cancel = true;
-    }
-    const std::lock_guard lock(mutex);
-    seconds += thread_cpu_seconds() - start;
-  };
-  std::vector<std::thread> workers;
-  for (int i = 0; i < threads; ++i) workers.emplace_back(work);
-  for (auto& worker : workers) worker.join();
-  if (failure) std::rethrow_exception(failure);
-  return seconds;
+  return run_units(blocks.size(), threads, progress.cancel, [&](size_t i) {
+    if (stop) return false;
+    const double before = thread_cpu_seconds();
+    auto tile = frame.render(blocks[i].rect, range, 1, progress);
+    if (!tile) return false;
+    append_node(blocks[i].nodes, std::move(*tile));
+    if (range.begin >= kUntimedSamples) blocks[i].seconds += thread_cpu_seconds() - before;
+    return true;
+  });
 }
 
 int64_t pixels_of(const std::vector<Block>& blocks) {

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <memory>
-#include <thread>
 
 #include "client/adaptive_render.h"
 #include "client/commands.h"
@@ -14,19 +13,20 @@
 #include "client/interrupt.h"
 #include "client/pilot.h"
 #include "client/progress_line.h"
+#include "renderer/frame/run_units.h"
 
 namespace woodcock {
 namespace {
 
-nlohmann::json quote_json(const Quote& quote, const Pilot& pilot, const QuotedMachines& machines, double load_seconds) {
-  const double n = machines.threads;
+nlohmann::json quote_json(const Quote& quote, const Pilot& pilot, int threads, double load_seconds) {
+  const double n = threads;
   return {{"relative_error", quote.error},
           {"samples", quote.samples},
           {"samples_interval", {quote.samples_low, quote.samples_high}},
           {"cpu_seconds", quote.cpu_seconds},
           {"cpu_seconds_interval", {quote.cpu_low, quote.cpu_high}},
-          {"machines", machines.name},
-          {"threads", machines.threads},
+          {"machines", "this machine"},
+          {"threads", threads},
           {"seconds", quote.cpu_seconds / n},
           {"seconds_interval", {quote.cpu_low / n, quote.cpu_high / n}},
           {"load_seconds", load_seconds},
@@ -38,14 +38,14 @@ nlohmann::json quote_json(const Quote& quote, const Pilot& pilot, const QuotedMa
             {"relative_error", pilot.record.points.back().error.relative_error->value}}}};
 }
 
-void print_quote(const QuoteRun& run, const Quote& quote, const Pilot& pilot, const QuotedMachines& machines, double load_seconds) {
-  const double n = machines.threads;
+void print_quote(const QuoteRun& run, const Quote& quote, const Pilot& pilot, int threads, double load_seconds) {
+  const double n = threads;
   const ErrorEstimate& seen = pilot.record.points.back().error;
   fmt::print("{}: an error of {:.3g} %\n", run.scene, 100 * quote.error);
   fmt::print("samples    {} per pixel ({} to {})\n", quote.samples, quote.samples_low, quote.samples_high);
   fmt::print("CPU time   {} ({} to {})\n", short_time(quote.cpu_seconds), short_time(quote.cpu_low), short_time(quote.cpu_high));
-  fmt::print("time       {} ({} to {}) on {} threads of {}; loading {}\n", short_time(quote.cpu_seconds / n), short_time(quote.cpu_low / n),
-             short_time(quote.cpu_high / n), machines.threads, machines.name, short_time(load_seconds));
+  fmt::print("time       {} ({} to {}) on {} threads of this machine; loading {}\n", short_time(quote.cpu_seconds / n),
+             short_time(quote.cpu_low / n), short_time(quote.cpu_high / n), threads, short_time(load_seconds));
   fmt::print("pilot      {} samples of {:.3g} % of the pixels in {} of CPU time; their error was {:.3g} %\n", seen.samples,
              100 * pilot.pixel_share, short_time(pilot.cpu_seconds), 100 * seen.relative_error->value);
   if (!quote.uncertain.empty()) fmt::print("uncertain: {}\n", quote.uncertain);
@@ -53,14 +53,14 @@ void print_quote(const QuoteRun& run, const Quote& quote, const Pilot& pilot, co
 
 }  // namespace
 
-int run_quote(const QuoteRun& run, const QuotedMachines& machines) {
+int run_quote(const QuoteRun& run) {
   const auto start = std::chrono::steady_clock::now();
   ReadOptions read;
   read.allow_outside_files = run.outside_files;
   if (!run.json) read.warn = [](const std::string& line) { fmt::print(stderr, "warning: {}\n", line); };
   const FrameRenderer frame(run.scene, run.settings, read);
   const double load_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  const int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  const int threads = processors();
   const Pilot pilot = run_pilot(frame, {run.pilot_seconds, run.error, threads}, interrupt_flag());
   const auto quote = pilot.record.points.empty() ? std::nullopt
                      : run.error                 ? quote_error(pilot, *run.error)
@@ -70,9 +70,9 @@ int run_quote(const QuoteRun& run, const QuotedMachines& machines) {
     return 1;
   }
   if (run.json)
-    fmt::print("{}\n", quote_json(*quote, pilot, machines, load_seconds).dump(2));
+    fmt::print("{}\n", quote_json(*quote, pilot, threads, load_seconds).dump(2));
   else
-    print_quote(run, *quote, pilot, machines, load_seconds);
+    print_quote(run, *quote, pilot, threads, load_seconds);
   return 0;
 }
 
@@ -100,10 +100,7 @@ void add_quote_command(CLI::App& app, int& code) {
       "  woodcock quote scenes/cloud.pbrt --error 2%       what 2 % costs\n"
       "  woodcock quote scenes/cloud.pbrt --spp 256        what 256 samples reach\n"
       "The samples are those of every pixel (`render --spp`); `render --target-error` takes fewer where noise is uneven.");
-  command->callback([options, &code] {
-    const int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-    code = run_quote(*options, {threads, "this machine"});
-  });
+  command->callback([options, &code] { code = run_quote(*options); });
 }
 
 }  // namespace woodcock

@@ -11,12 +11,6 @@
 
 namespace woodcock {
 
-/// Where the samples will be rendered.
-struct QuotedMachines {
-  int threads = 1;
-  std::string name;  ///< "this machine", or "3 workers of HOST:PORT"
-};
-
 struct QuoteRun {
   std::string scene;
   FrameSettings settings;
@@ -26,8 +20,9 @@ struct QuoteRun {
   bool json = false;  ///< no progress, no warnings
 };
 
-/// Loads the scene, renders the pilot on all processors, and prints the quote. Returns the exit code: 1 where nothing can be told.
-int run_quote(const QuoteRun& run, const QuotedMachines& machines);
+/// Loads the scene, renders the pilot on all processors, and prints the quote for this machine. Returns the exit code: 1 where nothing can
+/// be told.
+int run_quote(const QuoteRun& run);
 
 /// Adds --pilot-time.
 void add_pilot_option(CLI::App& command, double& pilot_seconds);

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "client/adaptive_render.h"
 #include "client/commands.h"
@@ -20,6 +19,7 @@
 #include "renderer/film/exr.h"
 #include "renderer/film/png.h"
 #include "renderer/film/tile.h"
+#include "renderer/frame/run_units.h"
 
 namespace woodcock {
 namespace {
@@ -73,7 +73,7 @@ int run(const RenderOptions& options) {
   const FrameRenderer frame(options.scene, options.settings, read);
   const fs::path output = output_path(options.output, frame.description().film.file_name, options.resume);
   const double load_seconds = seconds();
-  const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  const int threads = options.threads > 0 ? options.threads : processors();
   const std::string repeat = fmt::format("woodcock render '{}'{} -o sample.exr", options.scene, options_of(options.settings));
   TargetOptions target = options.target;
   const bool to_a_map = !target.adaptive() && options.resume && fs::exists(output) && ExrReader(output).info().map;
@@ -124,8 +124,6 @@ int run(const RenderOptions& options) {
                          {"render_seconds", render_seconds},
                          {"convergence", convergence}});
   if (options.json) {
-    nlohmann::json accuracy = nlohmann::json::object();
-    for (const auto& [key, value] : error_fields(error)) accuracy[key] = value;
     nlohmann::json j{{"output", output.string()},
                      {"png", png.string()},
                      {"complete", result.complete},
@@ -135,7 +133,7 @@ int run(const RenderOptions& options) {
                      {"load_seconds", load_seconds},
                      {"render_seconds", render_seconds},
                      {"pixel_digest", digest_of_pixels(header, result.nodes)},
-                     {"error", accuracy},
+                     {"error", error_json(error)},
                      {"convergence", convergence},
                      {"sidecar", sidecar_path(output).string()},
                      {"counters", counters_json(progress.counters)}};

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "client/adaptive_render.h"
 #include "client/commands.h"
@@ -52,8 +51,7 @@ int quote_instead(const SubmitOptions& options, uint64_t first) {
   quote.settings.frame = first;
   quote.error = options.target.error;
   quote.json = options.json;
-  const int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  return run_quote(quote, {threads, "this machine"});
+  return run_quote(quote);
 }
 
 int run(const SubmitOptions& options) {

@@ -20,6 +20,7 @@
 #include "client/sweep_service.h"
 #include "client/sweep_store.h"
 #include "renderer/core/sha256.h"
+#include "renderer/frame/run_units.h"
 #include "renderer/scene/scene_error.h"
 #include "renderer/world/effect_plan.h"
 
@@ -201,7 +202,7 @@ int run(Options& options) {
   if (!options.depths_text.empty())
     for (const int64_t depth : parse_list("--max-depth", options.depths_text)) options.depths.push_back(checked_depth(depth));
   const std::atomic<bool>& stop = interrupt_flag();
-  const int threads = options.threads > 0 ? options.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  const int threads = options.threads > 0 ? options.threads : processors();
   ProgressLine line("sweeping", options.json);
   uint64_t done = 0;
   double total = 1;

@@ -11,6 +11,7 @@
 #include "client/run_program.h"
 #include "renderer/accuracy/convergence.h"
 #include "renderer/accuracy/sweep_plot.h"
+#include "renderer/film/atomic_file.h"
 #include "renderer/film/exr.h"
 #include "renderer/film/png.h"
 

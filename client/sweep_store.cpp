@@ -8,7 +8,6 @@
 #include <stdexcept>
 
 #include "renderer/film/atomic_file.h"
-#include "renderer/film/tile.h"
 
 namespace woodcock {
 namespace {
@@ -41,15 +40,6 @@ std::string differences(const nlohmann::json& there, const nlohmann::json& asked
 const RunPoint* RunRecord::at(int64_t count) const {
   const auto found = std::find_if(points.begin(), points.end(), [&](const RunPoint& p) { return p.samples == count; });
   return found == points.end() ? nullptr : &*found;
-}
-
-void write_text(const fs::path& path, const std::string& text) {
-  AtomicFile file(path);
-  std::ofstream out(file.path(), std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) throw FilmError(path.string(), "cannot be written");
-  file.commit();
 }
 
 SweepStore::SweepStore(fs::path folder, const nlohmann::json& plan) : folder_(std::move(folder)) {

@@ -51,7 +51,4 @@ class SweepStore {
   std::filesystem::path folder_;
 };
 
-/// Writes a text file, whole or not at all, and durably. Throws FilmError.
-void write_text(const std::filesystem::path& path, const std::string& text);
-
 }  // namespace woodcock

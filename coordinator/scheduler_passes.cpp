@@ -8,17 +8,6 @@
 
 namespace woodcock::coordinator {
 
-namespace {
-
-/// Calls f(block) for each block of the grid that `rect` touches.
-template <typename F>
-void for_each_block(BlockGrid grid, PixelRect rect, F&& f) {
-  for (int y = rect.y0; y < rect.y1; y = (y / kBlockEdge + 1) * kBlockEdge)
-    for (int x = rect.x0; x < rect.x1; x = (x / kBlockEdge + 1) * kBlockEdge) f(grid.index(x, y));
-}
-
-}  // namespace
-
 SampleMap Frame::planned_map(size_t passes, int64_t base) const {
   SampleMap map{spec.header.bounds, {}};
   if (passes > 0)

@@ -50,10 +50,6 @@ std::set<std::string> check_manifest(const std::string& digest, BlobStore& blobs
   return paths;
 }
 
-}  // namespace
-
-namespace {
-
 SamplingTarget checked_target(double error, int64_t max_samples) {
   if (!(error > 0 && error <= 1)) rpc::fail_invalid("target.error: expected a relative error above 0, at most 1");
   if (max_samples < kFirstCount || max_samples > kMaxMapSamples) rpc::fail_invalid("target.max_samples: expected 16 to 2^24");

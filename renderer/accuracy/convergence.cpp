@@ -5,11 +5,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "renderer/accuracy/student.h"
+
 namespace woodcock {
 
 namespace {
 
-constexpr double kNormal95 = 1.959963984540054;
 constexpr double kLargestError = 0.5;
 /// How far slopes are from −1 as a rule, where low-discrepancy numbers help a little.
 constexpr double kSlopeDeviation = 0.03;

@@ -5,11 +5,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "renderer/accuracy/student.h"
+
 namespace woodcock {
 
 namespace {
 
-constexpr double kNormal95 = 1.959963984540054;
 /// The clock of a processor is not the same all day: relative standard deviation of a time that is measured again.
 constexpr double kClock = 0.03;
 

@@ -14,8 +14,6 @@ namespace woodcock {
 namespace {
 
 constexpr double kConfidence = 0.95;
-/// Two-sided 95 % of the normal distribution.
-constexpr double kNormal95 = 1.959963984540054;
 
 /// Hands the picture over in pieces, in the order of its pixels; called twice.
 using VisitPixels = std::function<void(const std::function<void(std::span<const PixelStats>)>&)>;
@@ -67,6 +65,18 @@ double jackknifed_term(const std::array<double, kReplicates>& replicate, const F
   return k * term - (k - 1) * without;
 }
 
+/// One pixel's Var(x̄), x̄, x̄² + floor², and what the first is of the last; a black pixel of a black image has no error.
+struct PixelError {
+  double variance = 0, mean = 0, scale = 0, term = 0;
+};
+
+PixelError pixel_error(const std::array<double, kReplicates>& replicate, const FoldWeights& weights, double floor) {
+  PixelError e{variance_between(replicate, weights), mean_luminance(replicate, weights)};
+  e.scale = e.mean * e.mean + floor * floor;
+  if (e.scale > 0) e.term = e.variance / e.scale;
+  return e;
+}
+
 /// The error of every pixel against `image_mean`.
 void estimate_pixels(const VisitPixels& visit, PixelWeights& weights_of, ErrorEstimate& error) {
   const double floor = 0.01 * error.image_mean;
@@ -77,11 +87,9 @@ void estimate_pixels(const VisitPixels& visit, PixelWeights& weights_of, ErrorEs
       const FoldWeights& weights = weights_of.of(pixel);
       if (degrees_of(weights) < 1) continue;  // one sample says nothing of its spread
       ++pixels;
-      const double v = variance_of_mean(pixel, weights), mean = mean_luminance(replicates_of(pixel), weights);
-      const double scale = mean * mean + floor * floor;
-      // A black pixel of a black image has no error.
-      const double term = scale > 0 ? v / scale : 0;
-      if (error.degrees >= 2) unbiased += jackknifed_term(replicates_of(pixel), weights, term, floor);
+      const std::array<double, kReplicates> replicate = replicates_of(pixel);
+      const auto [v, mean, scale, term] = pixel_error(replicate, weights, floor);
+      if (error.degrees >= 2) unbiased += jackknifed_term(replicate, weights, term, floor);
       variance += v;
       relative += term;
       relative_squares += term * term;
@@ -166,10 +174,9 @@ double variance_of_mean(const PixelStats& pixel, const FoldWeights& weights) { r
 
 RelativeTerm relative_term(const PixelStats& pixel, const FoldWeights& weights, double floor) {
   const std::array<double, kReplicates> replicate = replicates_of(pixel);
-  const double mean = mean_luminance(replicate, weights), scale = mean * mean + floor * floor;
-  if (!(scale > 0)) return {};
-  const double term = variance_between(replicate, weights) / scale;
-  return {term, jackknifed_term(replicate, weights, term, floor)};
+  const PixelError e = pixel_error(replicate, weights, floor);
+  if (!(e.scale > 0)) return {};
+  return {e.term, jackknifed_term(replicate, weights, e.term, floor)};
 }
 
 int64_t samples_for(int64_t samples, double error_factor) {

@@ -131,7 +131,7 @@ std::optional<NoiseTest> test_noise(const std::filesystem::path& picture, const 
   test.excess_relative_mse.value = excess / pixels;
   if (test.pixels > 1)
     test.excess_relative_mse.half_width =
-        1.959963984540054 * std::sqrt(std::max(0.0, squares / pixels - std::pow(excess / pixels, 2)) / (pixels - 1));
+        kNormal95 * std::sqrt(std::max(0.0, squares / pixels - std::pow(excess / pixels, 2)) / (pixels - 1));
   return test;
 }
 

@@ -3,6 +3,9 @@
 
 namespace woodcock {
 
+/// The t of a two-sided interval of 95 % of the normal distribution, which is that of very many degrees of freedom.
+inline constexpr double kNormal95 = 1.959963984540054;
+
 /// P(T ≤ t) for `degrees` ≥ 1 degrees of freedom; relative error of the smaller tail about 1e-13.
 double student_cdf(double t, double degrees);
 

@@ -13,9 +13,6 @@ namespace woodcock {
 
 namespace {
 
-/// Two-sided 95 % of the normal distribution.
-constexpr double kNormal95 = 1.959963984540054;
-
 double mean_of(std::span<const double> values) {
   double sum = 0;
   for (const double v : values) sum += v;

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 
 #include "renderer/film/tile.h"
 
@@ -47,6 +48,15 @@ void AtomicFile::commit() {
   const bool ok = ::fsync(folder) == 0;
   ::close(folder);
   if (!ok) fail(target_, "cannot make the file's name durable");
+}
+
+void write_text(const std::filesystem::path& path, std::string_view text) {
+  AtomicFile file(path);
+  std::ofstream out(file.path(), std::ios::binary);
+  out << text;
+  out.close();
+  if (!out) throw FilmError(path.string(), "cannot be written");
+  file.commit();
 }
 
 }  // namespace woodcock

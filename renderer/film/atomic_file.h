@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string_view>
 
 namespace woodcock {
 
@@ -26,5 +27,8 @@ class AtomicFile {
   std::filesystem::path target_, path_;
   int descriptor_ = -1;
 };
+
+/// A file of this text, whole or not at all. Throws FilmError.
+void write_text(const std::filesystem::path& path, std::string_view text);
 
 }  // namespace woodcock

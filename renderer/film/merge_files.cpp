@@ -40,11 +40,7 @@ SampleMap map_of_inputs(std::span<const MergeInput> inputs, PixelRect rect) {
   SampleMap map{rect, {}};
   map.counts.assign(map.grid().size(), 0);
   for (const MergeInput& input : inputs)
-    for (int y = input.rect.y0; y < input.rect.y1; y = (y / kBlockEdge + 1) * kBlockEdge)
-      for (int x = input.rect.x0; x < input.rect.x1; x = (x / kBlockEdge + 1) * kBlockEdge) {
-        int64_t& count = map.counts[map.grid().index(x, y)];
-        count = std::max(count, input.range.end);
-      }
+    for_each_block(map.grid(), input.rect, [&](size_t b) { map.counts[b] = std::max(map.counts[b], input.range.end); });
   return map;
 }
 

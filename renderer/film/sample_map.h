@@ -37,6 +37,13 @@ struct BlockGrid {
   PixelRect block(size_t i) const;
 };
 
+/// Calls f(i) for each block of the grid that `rect`, a part of its rectangle, touches.
+template <typename F>
+void for_each_block(BlockGrid grid, PixelRect rect, F&& f) {
+  for (int y = rect.y0; y < rect.y1; y = (y / kBlockEdge + 1) * kBlockEdge)
+    for (int x = rect.x0; x < rect.x1; x = (x / kBlockEdge + 1) * kBlockEdge) f(grid.index(x, y));
+}
+
 struct SampleMap {
   PixelRect rect;
   std::vector<int64_t> counts;  ///< of each block of the grid of `rect`; 0: its pixels are missing

@@ -11,6 +11,12 @@ Tile cut(const Tile& tile, PixelRect rect) {
   return part;
 }
 
+void paste(const Tile& part, Tile& whole) {
+  for (int y = part.rect.y0; y < part.rect.y1; ++y)
+    std::copy_n(&part.at(part.rect.x0, y), part.rect.width(),
+                whole.pixels.begin() + static_cast<ptrdiff_t>(y - whole.rect.y0) * whole.rect.width() + (part.rect.x0 - whole.rect.x0));
+}
+
 void append_node(std::vector<Tile>& nodes, Tile node) {
   while (!nodes.empty()) {
     const Tile& left = nodes.back();

@@ -11,6 +11,9 @@ namespace woodcock {
 /// The part of a tile inside `rect`, which it contains.
 Tile cut(const Tile& tile, PixelRect rect);
 
+/// Puts a tile's pixels into another one, which contains it.
+void paste(const Tile& part, Tile& whole);
+
 /// Puts the next node behind the others of one rectangle: siblings become their parent.
 void append_node(std::vector<Tile>& nodes, Tile node);
 

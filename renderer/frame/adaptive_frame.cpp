@@ -1,22 +1,16 @@
 #include "renderer/frame/adaptive_frame.h"
 
-#include <time.h>
-
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
-#include <condition_variable>
-#include <exception>
 #include <memory>
 #include <mutex>
-#include <thread>
 
 #include "renderer/accuracy/error_summary.h"
 #include "renderer/film/exr.h"
 #include "renderer/film/merge.h"
 #include "renderer/film/split.h"
+#include "renderer/frame/run_units.h"
 
 namespace woodcock {
 
@@ -24,12 +18,6 @@ namespace {
 
 /// Where few blocks are left for many threads, each takes a small part of one.
 constexpr int kSmallTile = 16;
-
-double thread_cpu_seconds() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 /// What one thread renders at once: a part of a block, with all samples it lacks.
 struct Unit {
@@ -44,12 +32,6 @@ struct BlockJob {
   int open = 0;  ///< units that are not done
 };
 
-void paste(const Tile& part, Tile& whole) {
-  for (int y = part.rect.y0; y < part.rect.y1; ++y)
-    std::copy_n(&part.at(part.rect.x0, y), part.rect.width(),
-                whole.pixels.begin() + static_cast<ptrdiff_t>(y - whole.rect.y0) * whole.rect.width() + (part.rect.x0 - whole.rect.x0));
-}
-
 std::vector<PixelStats> fold_block(const std::vector<Tile>& nodes) {
   std::vector<SampleRange> ranges;
   for (const Tile& node : nodes) ranges.push_back(node.range);
@@ -59,42 +41,6 @@ std::vector<PixelStats> fold_block(const std::vector<Tile>& nodes) {
     picture[p] = fold(ranges, one);
   }
   return picture;
-}
-
-/// Runs `work(i)` for i < count on `threads` threads until it says false; asks `setting.stop` meanwhile.
-void run_units(size_t count, const PassSetting& setting, RenderProgress& progress, double& cpu_seconds,
-               const std::function<bool(size_t)>& work) {
-  std::atomic<size_t> next{0};
-  std::mutex mutex;
-  std::condition_variable finished;
-  int running = setting.threads;
-  std::exception_ptr failure;
-  const auto run = [&] {
-    const double start = thread_cpu_seconds();
-    try {
-      for (size_t i = next++; i < count && !progress.cancel && work(i); i = next++) {
-      }
-    } catch (...) {
-      const std::lock_guard lock(mutex);
-      failure = std::current_exception();
-      progress.cancel = true;
-    }
-    const std::lock_guard lock(mutex);
-    cpu_seconds += thread_cpu_seconds() - start;
-    --running;
-    finished.notify_all();
-  };
-  std::vector<std::thread> threads;
-  for (int i = 0; i < setting.threads; ++i) threads.emplace_back(run);
-  {
-    std::unique_lock lock(mutex);
-    while (!finished.wait_for(lock, std::chrono::milliseconds(100), [&] { return running == 0; })) {
-      if (setting.stop()) progress.cancel = true;
-      setting.tick();
-    }
-  }
-  for (std::thread& thread : threads) thread.join();
-  if (failure) std::rethrow_exception(failure);
 }
 
 }  // namespace
@@ -167,7 +113,7 @@ bool render_pass(const FrameRenderer& frame, const std::vector<int64_t>& counts,
       ++jobs[j].open;
     }
   std::mutex mutex;
-  run_units(units.size(), setting, progress, cpu_seconds, [&](size_t i) {
+  const auto render_unit = [&](size_t i) {
     BlockJob& job = jobs[units[i].job];
     for (Tile& node : job.nodes) {
       const auto part = frame.render(units[i].rect, node.range, 1, progress);
@@ -177,6 +123,10 @@ bool render_pass(const FrameRenderer& frame, const std::vector<int64_t>& counts,
     const std::lock_guard lock(mutex);
     --job.open;
     return true;
+  };
+  cpu_seconds += run_units(units.size(), setting.threads, progress.cancel, render_unit, [&] {
+    if (setting.stop()) progress.cancel = true;
+    setting.tick();
   });
   bool complete = true;
   for (BlockJob& job : jobs) {

@@ -32,8 +32,8 @@ struct RenderProgress {
 class FrameRenderer {
  public:
   /// Reads and compiles the scene. `phase`, when given, is called with "loading", "building" as they begin.
-  /// Throws SceneError (bad scene), std::invalid_argument (settings, texts of `set`) or std::runtime_error (a build whose arithmetic cannot be
-  /// trusted).
+  /// Throws SceneError (bad scene), std::invalid_argument (settings, texts of `set`) or std::runtime_error (a build whose arithmetic cannot
+  /// be trusted).
   FrameRenderer(const std::string& scene_path, const FrameSettings& settings, const ReadOptions& options,
                 const std::function<void(const char* phase)>& phase = {});
   ~FrameRenderer();

@@ -25,7 +25,7 @@ struct FrameSettings {
   bool full_kernel = false;       ///< the kernel with every effect compiled in: the same bits
   bool plan = true;               ///< off: the general algorithm, without what was found out about the scene
   std::string without;            ///< features of `auto` that are switched off, e.g. "mis,roulette"; empty for none
-  std::vector<std::string> set;  ///< parameters of the scene, e.g. "medium.smoke.g=0.8" (scene/parameter_edits.h)
+  std::vector<std::string> set;   ///< parameters of the scene, e.g. "medium.smoke.g=0.8" (scene/parameter_edits.h)
   std::string aovs = "albedo,normal,depth";  ///< the optional channels of the EXR; "none" for none
   bool allow_unsupported = false;
   uint64_t frame = 0;  ///< frame number of a sequence; 0 for a still
