@@ -219,6 +219,11 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
   if (line) line->finish();
   const double render_seconds = seconds();
 
+  if (blocks.map.samples() == 0) {
+    report_health(progress.counters, run.repeat);
+    fmt::print(stderr, "ended before any block was finished: there is no picture, and {} is not written\n", run.output.string());
+    return 3;
+  }
   write_blocks(run.output, header, blocks);
   const fs::path png = fs::path(run.output).replace_extension(".png");
   write_png(run.output, png);

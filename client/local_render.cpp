@@ -2,6 +2,8 @@
 
 #include <bit>
 
+#include "renderer/accuracy/error_summary.h"
+#include "renderer/film/merge.h"
 #include "renderer/film/split.h"
 #include "renderer/frame/run_units.h"
 
@@ -39,31 +41,45 @@ LocalRender render_locally(const FrameRenderer& frame, SampleRange samples, std:
   const auto record = [&] {
     const int64_t n = result.samples.size();
     auto& points = result.convergence.points;
-    if (n > 0 && (points.empty() || points.back().samples != n)) points.push_back({n, estimate_error(result.nodes), cpu_seconds});
+    if (!result.nodes.empty() && (points.empty() || points.back().samples != n)) points.push_back({n, estimate_error(result.nodes), cpu_seconds});
   };
   for (const SampleRange range : render_passes(samples)) {
     if (stop && !result.nodes.empty()) break;
-    Tile whole{bounds, range, std::vector<PixelStats>(static_cast<size_t>(bounds.area()))};
+    std::vector<std::optional<Tile>> parts(tiles.size());
     const auto render_tile = [&](size_t i) {
-      const auto tile = frame.render(tiles[i], range, 1, progress);
-      if (tile) paste(*tile, whole);
-      return tile.has_value();
+      parts[i] = frame.render(tiles[i], range, 1, progress);
+      return parts[i].has_value();
     };
     const double pass_seconds = run_units(tiles.size(), threads, progress.cancel, render_tile, [&] {
       if (stop) progress.cancel = true;
       tick();
     });
-    const bool partial = progress.cancel;
-    if (partial && !result.nodes.empty()) break;
+    if (progress.cancel) {
+      if (!result.nodes.empty()) break;
+      for (auto& part : parts)
+        if (part) result.first_tiles.push_back(std::move(*part));
+      if (!result.first_tiles.empty()) result.samples.end = range.end;
+      break;
+    }
+    Tile whole{bounds, range, std::vector<PixelStats>(static_cast<size_t>(bounds.area()))};
+    for (const auto& part : parts) paste(*part, whole);
     append_node(result.nodes, std::move(whole));
     result.samples.end = range.end;
     cpu_seconds += pass_seconds;
-    if (partial) break;
     if (std::has_single_bit(static_cast<uint64_t>(result.samples.size()))) record();
   }
   record();
   result.complete = !progress.cancel && result.samples.end >= samples.end;
   return result;
+}
+
+void write_picture(const std::filesystem::path& exr, const FrameHeader& header, const LocalRender& render) {
+  if (!render.nodes.empty()) return write_exr(exr, header, render.nodes, &kErrorSummary);
+  const auto shared = std::make_shared<const FrameHeader>(header);
+  std::vector<MergeInput> inputs;
+  for (const Tile& tile : render.first_tiles) inputs.push_back({"a tile", shared, tile.rect, tile.range});
+  merge_tiles(
+      inputs, [&](size_t i) { return render.first_tiles[i]; }, exr, {header.bounds, render.samples, {}}, &kErrorSummary);
 }
 
 }  // namespace woodcock

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <filesystem>
 #include <functional>
 #include <vector>
 
@@ -13,6 +14,8 @@ namespace woodcock {
 struct LocalRender {
   /// The maximal dyadic nodes of the samples that are finished, in order; all of one rectangle.
   std::vector<Tile> nodes;
+  /// Where not even the first pass was finished: its tiles that were. Then `nodes` is empty and `samples` what they hold.
+  std::vector<Tile> first_tiles;
   SampleRange samples;
   bool complete = false;
   /// The error of every finished prefix of 1, 2, 4, … samples from the first on, and of the end.
@@ -25,8 +28,11 @@ std::vector<SampleRange> render_passes(SampleRange samples);
 
 /// Renders `samples` of the whole frame in passes over tiles of edge `tile_size`, after the nodes in `earlier` (which
 /// end where `samples` begins). When `stop` becomes true the passes finished so far are the result; where not even
-/// one is, the first pass is returned with the tiles that are missing (count 0).
+/// one is, the tiles of the first that are.
 LocalRender render_locally(const FrameRenderer& frame, SampleRange samples, std::vector<Tile> earlier, int tile_size, int threads,
                            RenderProgress& progress, const std::atomic<bool>& stop, const std::function<void()>& tick);
+
+/// Writes what is there to `exr`, with the numbers of its error; pixels that no finished tile holds are gaps. Throws FilmError.
+void write_picture(const std::filesystem::path& exr, const FrameHeader& header, const LocalRender& render);
 
 }  // namespace woodcock

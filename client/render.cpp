@@ -15,7 +15,6 @@
 #include "client/output_path.h"
 #include "client/progress_line.h"
 #include "renderer/accuracy/error.h"
-#include "renderer/accuracy/error_summary.h"
 #include "renderer/film/exr.h"
 #include "renderer/film/png.h"
 #include "renderer/film/tile.h"
@@ -110,7 +109,12 @@ int run(const RenderOptions& options) {
   line.finish();
   const double render_seconds = seconds() - render_start;
 
-  write_exr(output, frame.header(), result.nodes, &kErrorSummary);
+  if (result.samples.empty()) {
+    report_health(progress.counters, repeat);
+    fmt::print(stderr, "interrupted before any tile was finished: there is no picture, and {} is not written\n", output.string());
+    return 3;
+  }
+  write_picture(output, frame.header(), result);
   const fs::path png = fs::path(output).replace_extension(".png");
   write_png(output, png);
 
@@ -132,7 +136,7 @@ int run(const RenderOptions& options) {
                      {"threads", threads},
                      {"load_seconds", load_seconds},
                      {"render_seconds", render_seconds},
-                     {"pixel_digest", digest_of_pixels(header, result.nodes)},
+                     {"pixel_digest", digest_of_pixels(header, result.nodes.empty() ? result.first_tiles : result.nodes)},
                      {"error", error_json(error)},
                      {"convergence", convergence},
                      {"sidecar", sidecar_path(output).string()},

@@ -22,12 +22,6 @@ std::vector<Tile> earlier_nodes(const fs::path& path, const FrameHeader& header)
   return std::move(file.nodes);
 }
 
-bool has_missing_pixels(const std::vector<Tile>& nodes) {
-  return std::any_of(nodes.begin(), nodes.end(), [](const Tile& tile) {
-    return std::any_of(tile.pixels.begin(), tile.pixels.end(), [](const PixelStats& pixel) { return pixel.missing(); });
-  });
-}
-
 }  // namespace
 
 std::string nodes_name(const SweepRun& run, int64_t samples) { return fmt::format("{}-{}spp.exr", run.id, samples); }
@@ -73,7 +67,7 @@ bool LocalSweep::finish(const SweepRun& run, const SweepStore& store, RunRecord&
       render_locally(frame, {record.samples, run.samples}, std::move(earlier), kTileSize, threads_, progress, stop_, tell);
   tell();
   // An interrupted first pass is no picture.
-  if (result.samples.end == record.samples || has_missing_pixels(result.nodes)) return false;
+  if (result.samples.end == record.samples || result.nodes.empty()) return false;
   const std::string name = nodes_name(run, result.samples.end);
   write_exr(store.picture(name), frame.header(), result.nodes, &kErrorSummary);
   record.cpu_seconds += result.convergence.points.back().cpu_seconds;

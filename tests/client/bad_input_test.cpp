@@ -1,4 +1,5 @@
 // Bad input: one clear line with the place and the remedy, the right exit code, and nothing left behind.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -9,6 +10,7 @@ namespace woodcock::testing {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::HasSubstr;
 
 const std::string kWoodcock = WOODCOCK_BIN_DIR "/woodcock";
 const std::string kHead = "Film \"rgb\" \"integer xresolution\" 8 \"integer yresolution\" 8\nCamera \"perspective\"\n";
@@ -163,6 +165,43 @@ TEST_F(BadInput, CtrlCLeavesAValidPartialPicture) {
   // The file is a frame like any other: merging it alone reproduces it.
   const CommandResult merged = run_command({kWoodcock, "merge", out.string(), "-o", (folder_ / "again.exr").string()});
   EXPECT_EQ(merged.exit_code, 0) << merged.err;
+}
+
+/// A camera in dense fog: a pass takes minutes.
+const std::string kSlow = R"(Film "rgb" "integer xresolution" 1024 "integer yresolution" 1024
+MakeNamedMedium "fog" "string type" "homogeneous" "rgb sigma_s" [9 9 9] "rgb sigma_a" [0 0 0]
+MediumInterface "" "fog"
+Camera "perspective"
+Integrator "volpath" "integer maxdepth" 400
+WorldBegin
+LightSource "infinite"
+MediumInterface "fog" ""
+Material "interface"
+Shape "sphere" "float radius" 3
+)";
+
+TEST_F(BadInput, CtrlCInTheFirstPassLeavesTheTilesThatAreFinished) {
+  const std::string scene = write("slow.pbrt", kSlow);
+  const auto out = folder_ / "partial.exr";
+  const auto interrupted = [&](std::vector<std::string> options) {
+    std::vector<std::string> command{kWoodcock, "render", scene, "-o", out.string(), "--spp", "1000000", "--threads", "1"};
+    command.insert(command.end(), options.begin(), options.end());
+    return run_command(command, folder_.path(), std::chrono::seconds(60), [](pid_t child) {
+      usleep(1500000);
+      kill(child, SIGINT);
+    });
+  };
+  const CommandResult some = interrupted({"--tile", "8"});
+  EXPECT_EQ(some.exit_code, 3) << some.err;
+  EXPECT_THAT(some.err, HasSubstr("first pass"));
+  const CommandResult merged = run_command({kWoodcock, "merge", out.string(), "-o", (folder_ / "again.exr").string()});
+  EXPECT_EQ(merged.exit_code, 1) << "a file with gaps";
+  EXPECT_THAT(merged.err, HasSubstr("miss"));
+  fs::remove(out);
+  const CommandResult none = interrupted({"--tile", "4096"});
+  EXPECT_EQ(none.exit_code, 3) << none.err;
+  EXPECT_THAT(none.err, HasSubstr("before any tile"));
+  EXPECT_FALSE(fs::exists(out));
 }
 
 }  // namespace
