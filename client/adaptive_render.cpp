@@ -224,11 +224,10 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
     fmt::print(stderr, "ended before any block was finished: there is no picture, and {} is not written\n", run.output.string());
     return 3;
   }
-  write_blocks(run.output, header, blocks);
+  const ErrorEstimate error = write_blocks(run.output, header, blocks);
   const fs::path png = fs::path(run.output).replace_extension(".png");
   write_png(run.output, png);
 
-  const ErrorEstimate error = estimate_error(run.output);
   const double mean_before = static_cast<double>(before) / pixels;
   const Convergence record{{{error.samples, error, cpu_seconds}}, std::llround(mean_before)};
   const nlohmann::json convergence = convergence_json(record, run.threads);

@@ -32,9 +32,9 @@ std::string format_convergence(const Convergence& record, int threads) {
   if (const std::string reason = heavy_tail_reason(record.points); !reason.empty())
     return text + fmt::format("heavy tail: {}. The errors above may be too small, and what less would cost cannot be told.\n", reason);
   for (const Prediction& p : predict(record)) {
-    text += fmt::format("{:>10}  {:>9}  {:<22}  {:>10}  more, {} on {} threads\n", p.samples, percent(p.error),
+    text += fmt::format("{:>10}  {:>9}  {:<22}  {:>10}  more{}\n", p.samples, percent(p.error),
                         fmt::format("({} to {} samples)", p.samples_low, p.samples_high), short_time(p.cpu_seconds),
-                        short_time(p.cpu_seconds / threads), threads);
+                        threads > 0 ? fmt::format(", {} on {} threads", short_time(p.cpu_seconds / threads), threads) : "");
   }
   return text;
 }
@@ -57,11 +57,11 @@ nlohmann::json convergence_json(const Convergence& record, int threads) {
   j["cpu_seconds_per_sample"] = seconds_per_sample(record);
   j["heavy_tail"] = heavy_tail_reason(record.points);
   for (const Prediction& p : predict(record)) {
-    j["predictions"].push_back({{"relative_error", p.error},
-                                {"samples", p.samples},
-                                {"samples_interval", {p.samples_low, p.samples_high}},
-                                {"more_cpu_seconds", p.cpu_seconds},
-                                {"more_seconds", p.cpu_seconds / threads}});
+    nlohmann::json& row = j["predictions"].emplace_back(nlohmann::json{{"relative_error", p.error},
+                                                                       {"samples", p.samples},
+                                                                       {"samples_interval", {p.samples_low, p.samples_high}},
+                                                                       {"more_cpu_seconds", p.cpu_seconds}});
+    if (threads > 0) row["more_seconds"] = p.cpu_seconds / threads;
   }
   return j;
 }

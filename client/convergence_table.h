@@ -13,8 +13,8 @@ namespace woodcock {
 std::string short_time(double seconds);
 
 /// The error at 1, 2, 4, … samples with CPU time, then the price of half, a quarter and a tenth of it, in CPU time and in time on
-/// `threads` threads; a warning in place of prices where the picture has a heavy tail. Ends in a newline; empty for an
-/// empty record.
+/// `threads` threads (0: who knows how many); a warning in place of prices where the picture has a heavy tail. Ends in a newline; empty for
+/// an empty record.
 std::string format_convergence(const Convergence& record, int threads);
 
 /// The numbers of `error_fields` as an object.

@@ -75,6 +75,12 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
                               {"digest", response.image_digest()},
                               {"complete", complete},
                               {"statistics", statistics_json(response.statistics())}});
+    const Convergence convergence = response.partial() ? Convergence{} : convergence_of(response);
+    if (!convergence.points.empty()) {
+      const nlohmann::json record = convergence_json(convergence, 0);
+      fetched.frames.back()["convergence"] = record;
+      write_sidecar(path, {{"picture", path.filename().string()}, {"job", job.job_id()}, {"convergence", record}});
+    }
     if (options.quiet) continue;
     fmt::print("{}: frame {}{}\n", path.string(), status.frame(), complete ? "" : ", not complete");
     fmt::print("{}: the same picture to look at\n", png.string());
@@ -84,14 +90,15 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
       if (!response.partial()) fmt::print("{}\n", target_line(job, response.frame()));
       continue;
     }
-    if (complete && job.frame_count() == 1)
-      fmt::print("{}", format_convergence({{{error.samples, error, job.progress().worker_seconds()}}, 0}, 1));
+    // Of a sequence the files beside the pictures hold it.
+    if (job.frame_count() == 1 || options.frame) fmt::print("{}", format_convergence(convergence, 0));
+    if (!convergence.points.empty()) fmt::print("{}: errors and times\n", sidecar_path(path).string());
   }
   if (fetched.frames.empty()) throw std::runtime_error(fmt::format("job {} has no frame {}", job.job_id(), options.frame.value_or(0)));
   if (!options.quiet && fetched.complete && job.has_target())
     fmt::print("less error: woodcock extend {} --target-error E\n", job.job_id());
   else if (!options.quiet && fetched.complete)
-    fmt::print("more samples: woodcock extend {} --spp N (times above are of one thread)\n", job.job_id());
+    fmt::print("more samples: woodcock extend {} --spp N\n", job.job_id());
   report_health(health);
   return fetched;
 }

@@ -57,6 +57,20 @@ json statistics_json(const v1::FrameStatistics& statistics) {
   return out;
 }
 
+Convergence convergence_of(const v1::GetFrameResponse& response) {
+  Convergence record;
+  record.timed_from = response.timed_from();
+  for (const v1::ConvergencePoint& wire : response.convergence()) {
+    try {
+      const ErrorEstimate error = error_from_fields({wire.error().begin(), wire.error().end()});
+      record.points.push_back({error.samples, error, wire.cpu_seconds()});
+    } catch (const std::invalid_argument& error) {
+      throw std::runtime_error(std::string("the coordinator tells nonsense of the frame's error: ") + error.what());
+    }
+  }
+  return record;
+}
+
 json frame_json(const v1::FrameStatus& frame) {
   json out{{"frame", frame.frame()},
            {"state", state_name(frame.state())},

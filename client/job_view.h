@@ -4,7 +4,9 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "renderer/accuracy/convergence.h"
 #include "woodcock/v1/job.pb.h"
+#include "woodcock/v1/jobs_service.pb.h"
 
 namespace woodcock {
 
@@ -19,6 +21,9 @@ int exit_code(v1::JobState state);
 nlohmann::json job_json(const v1::Job& job);
 nlohmann::json frame_json(const v1::FrameStatus& frame);
 nlohmann::json statistics_json(const v1::FrameStatistics& statistics);
+
+/// The error of a frame's first samples; empty where the coordinator knows none. Throws std::runtime_error for nonsense.
+Convergence convergence_of(const v1::GetFrameResponse& response);
 
 /// "pass 3, 12 of 40 blocks".
 std::string pass_line(const v1::FrameStatus& frame);

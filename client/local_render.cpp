@@ -41,7 +41,8 @@ LocalRender render_locally(const FrameRenderer& frame, SampleRange samples, std:
   const auto record = [&] {
     const int64_t n = result.samples.size();
     auto& points = result.convergence.points;
-    if (!result.nodes.empty() && (points.empty() || points.back().samples != n)) points.push_back({n, estimate_error(result.nodes), cpu_seconds});
+    if (!result.nodes.empty() && (points.empty() || points.back().samples != n))
+      points.push_back({n, estimate_error(result.nodes), cpu_seconds});
   };
   for (const SampleRange range : render_passes(samples)) {
     if (stop && !result.nodes.empty()) break;
@@ -73,13 +74,19 @@ LocalRender render_locally(const FrameRenderer& frame, SampleRange samples, std:
   return result;
 }
 
-void write_picture(const std::filesystem::path& exr, const FrameHeader& header, const LocalRender& render) {
-  if (!render.nodes.empty()) return write_exr(exr, header, render.nodes, &kErrorSummary);
+ErrorEstimate write_picture(const std::filesystem::path& exr, const FrameHeader& header, const LocalRender& render) {
+  ErrorEstimate error;
+  const PictureSummary summary = error_summary(error);
+  if (!render.nodes.empty()) {
+    write_exr(exr, header, render.nodes, &summary);
+    return error;
+  }
   const auto shared = std::make_shared<const FrameHeader>(header);
   std::vector<MergeInput> inputs;
   for (const Tile& tile : render.first_tiles) inputs.push_back({"a tile", shared, tile.rect, tile.range});
   merge_tiles(
-      inputs, [&](size_t i) { return render.first_tiles[i]; }, exr, {header.bounds, render.samples, {}}, &kErrorSummary);
+      inputs, [&](size_t i) { return render.first_tiles[i]; }, exr, {header.bounds, render.samples, {}}, &summary);
+  return error;
 }
 
 }  // namespace woodcock

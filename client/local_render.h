@@ -32,7 +32,8 @@ std::vector<SampleRange> render_passes(SampleRange samples);
 LocalRender render_locally(const FrameRenderer& frame, SampleRange samples, std::vector<Tile> earlier, int tile_size, int threads,
                            RenderProgress& progress, const std::atomic<bool>& stop, const std::function<void()>& tick);
 
-/// Writes what is there to `exr`, with the numbers of its error; pixels that no finished tile holds are gaps. Throws FilmError.
-void write_picture(const std::filesystem::path& exr, const FrameHeader& header, const LocalRender& render);
+/// Writes what is there to `exr`, with the numbers of its error, which it returns; pixels that no finished tile holds are gaps.
+/// Throws FilmError.
+ErrorEstimate write_picture(const std::filesystem::path& exr, const FrameHeader& header, const LocalRender& render);
 
 }  // namespace woodcock

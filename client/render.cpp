@@ -114,12 +114,11 @@ int run(const RenderOptions& options) {
     fmt::print(stderr, "interrupted before any tile was finished: there is no picture, and {} is not written\n", output.string());
     return 3;
   }
-  write_picture(output, frame.header(), result);
+  const ErrorEstimate error = write_picture(output, frame.header(), result);
   const fs::path png = fs::path(output).replace_extension(".png");
   write_png(output, png);
 
   const FrameHeader& header = frame.header();
-  const ErrorEstimate error = result.convergence.points.empty() ? estimate_error(output) : result.convergence.points.back().error;
   const nlohmann::json convergence = convergence_json(result.convergence, threads);
   write_sidecar(output, {{"picture", output.filename().string()},
                          {"samples", {result.samples.begin, result.samples.end}},

@@ -12,6 +12,7 @@
 #include <google/protobuf/util/json_util.h>
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstring>
@@ -32,8 +33,15 @@ using Clock = std::chrono::steady_clock;
 constexpr std::chrono::minutes kTimeLimit{60};
 constexpr rlim_t kMemoryLimit = rlim_t{16} << 30;
 
-FrameStatistics statistics_of(const std::string& path) {
-  const ErrorEstimate e = estimate_error(path);
+/// The powers of two below `samples` that no tile reaches across.
+std::vector<int64_t> prefix_counts(const std::vector<SampleRange>& ranges, int64_t samples) {
+  std::vector<int64_t> counts;
+  for (int64_t n = 1; n < samples; n *= 2)
+    if (std::none_of(ranges.begin(), ranges.end(), [&](SampleRange r) { return r.begin < n && n < r.end; })) counts.push_back(n);
+  return counts;
+}
+
+FrameStatistics statistics_of(const ErrorEstimate& e) {
   FrameStatistics s;
   s.image_mean = e.image_mean;
   s.standard_error = e.standard_error;
@@ -97,12 +105,14 @@ bool read_all(int fd, Clock::time_point deadline, std::string& text) {
 AssembleResult assemble(const AssembleRequest& request) {
   AssembleResult result;
   std::vector<std::filesystem::path> tiles;
+  std::vector<SampleRange> ranges;
   for (size_t i = 0; i < request.tile_paths.size(); ++i) {
     try {
       const ExrReader reader(request.tile_paths[i]);
       const std::string difference = header_difference(request.header, "the frame", reader.info().header, "the tile");
       if (!difference.empty()) throw FilmError(request.tile_paths[i], difference);
       tiles.emplace_back(request.tile_paths[i]);
+      ranges.insert(ranges.end(), reader.info().nodes.begin(), reader.info().nodes.end());
     } catch (const std::exception& error) {
       result.damaged.push_back(i);
       result.error = error.what();
@@ -110,8 +120,15 @@ AssembleResult assemble(const AssembleRequest& request) {
   }
   if (!result.damaged.empty()) return result;
   try {
-    merge_files(tiles, request.output_path, {{}, {}, request.map}, &kErrorSummary);
-    result.statistics = statistics_of(request.output_path);
+    ErrorEstimate error;
+    const PictureSummary summary = error_summary(error);
+    merge_files(tiles, request.output_path, {{}, {}, request.map}, &summary);
+    result.statistics = statistics_of(error);
+    if (!request.target && request.map.uniform() && error.missing_pixels == 0) {
+      for (const ErrorEstimate& prefix : estimate_prefixes(tiles, prefix_counts(ranges, error.samples)))
+        result.statistics.convergence.points.push_back({prefix.samples, prefix, 0});
+      result.statistics.convergence.points.push_back({error.samples, error, 0});
+    }
     if (request.target)
       result.decision = decide(request.map, block_statistics(request.output_path, request.map), request.closed, *request.target);
     result.ok = true;

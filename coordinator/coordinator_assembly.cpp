@@ -153,6 +153,7 @@ v1::GetFrameResponse Coordinator::frame(const std::string& id, uint64_t number, 
     response.set_image_digest(frame.row.image_digest);
     response.set_image_bytes(frame.row.image_bytes);
     *response.mutable_statistics() = to_wire(frame.row.statistics);
+    add_convergence(frame.row.statistics.convergence, response);
     blobs_.pin(frame.row.image_digest, options_.now());
   };
   {

@@ -45,6 +45,15 @@ v1::FrameStatistics to_wire(const FrameStatistics& s) {
   return wire;
 }
 
+void add_convergence(const Convergence& record, v1::GetFrameResponse& response) {
+  response.set_timed_from(record.timed_from);
+  for (const ConvergencePoint& point : record.points) {
+    v1::ConvergencePoint& wire = *response.add_convergence();
+    for (const auto& [name, value] : error_fields(point.error)) (*wire.mutable_error())[name] = value;
+    wire.set_cpu_seconds(point.cpu_seconds);
+  }
+}
+
 namespace {
 
 v1::AdaptiveStatus adaptive_view(const Job& job, const Frame& frame) {

@@ -8,6 +8,7 @@
 namespace woodcock::coordinator {
 
 v1::FrameStatistics to_wire(const FrameStatistics& statistics);
+void add_convergence(const Convergence& record, v1::GetFrameResponse& response);
 v1::FrameStatus frame_view(const Scheduler& scheduler, const Job& job, const Frame& frame, Time now);
 /// `last_event`: the last event's number. Frames are left out unless asked for.
 v1::Job job_view(const Scheduler& scheduler, const Job& job, int64_t last_event, bool with_frames, Time now);

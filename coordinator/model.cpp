@@ -51,6 +51,14 @@ std::string to_json(const FrameStatistics& s) {
   if (s.relative_error) json["relative_error"] = *s.relative_error;
   if (s.relative_error_half_width) json["relative_error_half_width"] = *s.relative_error_half_width;
   if (s.firefly_share) json["firefly_share"] = *s.firefly_share;
+  if (!s.convergence.points.empty()) {
+    json["timed_from"] = s.convergence.timed_from;
+    for (const ConvergencePoint& point : s.convergence.points) {
+      nlohmann::json& row = json["convergence"].emplace_back();
+      for (const auto& [name, value] : error_fields(point.error)) row["error"][name] = value;
+      row["cpu_seconds"] = point.cpu_seconds;
+    }
+  }
   return json.dump();
 }
 
@@ -69,8 +77,13 @@ FrameStatistics statistics_from_json(const std::string& text) {
     s.relative_error = number("relative_error");
     s.relative_error_half_width = number("relative_error_half_width");
     s.firefly_share = number("firefly_share");
+    s.convergence.timed_from = json.value("timed_from", int64_t{0});
+    for (const nlohmann::json& row : json.value("convergence", nlohmann::json::array())) {
+      const ErrorEstimate error = error_from_fields(row.at("error").get<std::map<std::string, double>>());
+      s.convergence.points.push_back({error.samples, error, row.at("cpu_seconds").get<double>()});
+    }
     return s;
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const std::exception& error) {
     throw std::runtime_error(std::string("malformed statistics: ") + error.what());
   }
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "renderer/accuracy/adaptive.h"
+#include "renderer/accuracy/convergence.h"
 #include "renderer/film/tile.h"
 #include "renderer/frame/settings.h"
 
@@ -49,9 +50,9 @@ struct JobSpec {
   std::string request_digest;  ///< of the whole request: a request id is not used twice
   std::string name;
   FrameSettings settings;
-  int tile_size = 64;                    ///< pixels
-  int64_t range_length = 64;             ///< samples of the longest task, a power of two
-  std::vector<SampleRange> rounds;       ///< [0, n), and what each extension added; what follows in an adaptive job are passes
+  int tile_size = 64;               ///< pixels
+  int64_t range_length = 64;        ///< samples of the longest task, a power of two
+  std::vector<SampleRange> rounds;  ///< [0, n), cut (submit.h), and what each extension added; what follows in an adaptive job are passes
   std::optional<SamplingTarget> target;  ///< of an adaptive job
   int priority = 0;
   std::vector<FrameSpec> frames;
@@ -106,6 +107,9 @@ struct FrameStatistics {
   double image_mean = 0;
   std::optional<double> standard_error, relative_error, relative_error_half_width, firefly_share;
   int64_t samples = 0, pixels = 0, missing_pixels = 0;
+  /// The error of the first 16, 32, 64, … samples and of all, with the workers' CPU time. Empty for adaptive frames and for those
+  /// with gaps. What an earlier job rendered took no time of this one: the times count from `timed_from` samples on.
+  Convergence convergence;
 };
 std::string to_json(const FrameStatistics& statistics);
 /// Throws std::runtime_error on malformed text.

@@ -100,6 +100,7 @@ struct Task {
   int expirations = 0, refusals = 0;
   std::string committed_by;  ///< worker; empty after a restart
   std::string digest;
+  int64_t cpu_ns = 0;  ///< of the result; 0 where an earlier job rendered it
   std::string error;
   std::vector<std::string> leases;  ///< live attempts
   std::vector<std::string> failed_workers;

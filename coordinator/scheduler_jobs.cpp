@@ -1,5 +1,6 @@
 // Jobs, frames and tasks: how they begin, settle and end.
 #include <algorithm>
+#include <cmath>
 
 #include "coordinator/scheduler.h"
 #include "coordinator/task_grid.h"
@@ -127,6 +128,7 @@ void Scheduler::restore_tasks(Job& job, Frame& frame, const std::vector<SettledT
     Task& task = frame.tasks[static_cast<size_t>(row.number)];
     task.state = row.state;
     task.digest = row.result.digest;
+    task.cpu_ns = row.result.cost.cpu_ns;
     task.error = row.error;
     --frame.unsettled;
     if (row.state == TaskState::Done) {
@@ -299,6 +301,22 @@ void Scheduler::frame_failed(const std::string& id, int index, const std::string
   if (Job* job = job_of(id); job && !has_ended(job->row.state)) fail_frame(*job, index, reason);
 }
 
+namespace {
+
+/// The CPU time that the workers spent on the samples of each point.
+void add_times(const Frame& frame, Convergence& record) {
+  double earlier = 0;
+  for (const Task& task : frame.tasks) {
+    if (task.state != TaskState::Done) continue;
+    if (task.cpu_ns == 0) earlier += static_cast<double>(task.area.samples());
+    for (ConvergencePoint& point : record.points)
+      if (task.area.range.end <= point.samples) point.cpu_seconds += 1e-9 * static_cast<double>(task.cpu_ns);
+  }
+  record.timed_from = std::llround(earlier / static_cast<double>(frame.spec.header.bounds.area()));
+}
+
+}  // namespace
+
 void Scheduler::frame_assembled(const std::string& id, int index, const std::string& digest, int64_t bytes,
                                 const FrameStatistics& statistics) {
   Job* job = job_of(id);
@@ -310,6 +328,7 @@ void Scheduler::frame_assembled(const std::string& id, int index, const std::str
   frame.row.image_digest = digest;
   frame.row.image_bytes = bytes;
   frame.row.statistics = statistics;
+  add_times(frame, frame.row.statistics.convergence);
   frame.row.state = frame.given_up > 0 ? FrameState::Partial : FrameState::Done;
   if (frame.given_up > 0) frame.row.reason = std::to_string(frame.given_up) + " tasks could not be rendered by any worker";
   actions_.push_back(action::SaveFrame{id, index});

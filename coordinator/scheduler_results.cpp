@@ -69,6 +69,7 @@ void Scheduler::committed(const action::CommitTask& commit, Time now) {
   if (!task || task->state != TaskState::Committing) return;
   Frame& frame = *frame_of(commit.task);
   task->digest = commit.result.digest;
+  task->cpu_ns = commit.result.cost.cpu_ns;
   task->committed_by = commit.worker_id;
   // The winner's own lease ends by the verdict; the others are told.
   for (const std::string& id : std::vector<std::string>(task->leases))

@@ -13,14 +13,32 @@
 
 namespace woodcock::coordinator {
 
-int64_t choose_range_length(const std::vector<FrameSpec>& frames, int tile_size, SampleRange range) {
-  for (int64_t length = 64;; length *= 2) {
-    int64_t tasks = 0;
-    for (const FrameSpec& frame : frames) tasks = std::min(tasks + task_count(frame.header.bounds, tile_size, range, length), kMaxSamples);
-    if (tasks <= rpc::kMaxTasksPerJob) return length;
-    if (length >= range.size())
-      rpc::fail_exhausted("the job has more than 1000000 tasks even with the longest sample ranges: choose larger tiles or fewer frames");
+namespace {
+
+/// Samples of the longest task, where there are not too many.
+constexpr int64_t kRangeLength = 64;
+
+int64_t count_tasks(const JobSpec& job, int64_t length) {
+  int64_t tasks = 0;
+  for (const FrameSpec& frame : job.frames)
+    for (const SampleRange round : job.rounds)
+      tasks = std::min(tasks + task_count(frame.header.bounds, job.tile_size, round, length), kMaxSamples);
+  return tasks;
+}
+
+}  // namespace
+
+void cut_rounds(JobSpec& job) {
+  const SampleRange all = job.rounds.front();
+  if (!job.target && all.end > kFirstCount) {
+    job.rounds = {{0, kFirstCount}};
+    for (int64_t n = kFirstCount; n < all.end && n < kRangeLength; n *= 2) job.rounds.push_back({n, std::min(2 * n, all.end)});
+    if (all.end > kRangeLength) job.rounds.push_back({kRangeLength, all.end});
+    if (count_tasks(job, kRangeLength) > rpc::kMaxTasksPerJob) job.rounds = {all};
   }
+  for (job.range_length = kRangeLength; count_tasks(job, job.range_length) > rpc::kMaxTasksPerJob; job.range_length *= 2)
+    if (job.range_length >= all.size())
+      rpc::fail_exhausted("the job has more than 1000000 tasks even with the longest sample ranges: choose larger tiles or fewer frames");
 }
 
 namespace {
@@ -114,7 +132,7 @@ JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time
     if (!manifest->second.contains(frame.scene_file)) rpc::fail_invalid("frames.scene_file: the manifest does not list it");
     job.frames.push_back(std::move(frame));
   }
-  job.range_length = choose_range_length(job.frames, job.tile_size, job.rounds.front());
+  cut_rounds(job);
   job.submitted_unix_ms = unix_ms;
   return job;
 }

@@ -7,8 +7,9 @@
 
 namespace woodcock::coordinator {
 
-/// Tasks of a job never exceed this; range_length grows until they fit.
-int64_t choose_range_length(const std::vector<FrameSpec>& frames, int tile_size, SampleRange range);
+/// Cuts the one round of a job: at 16, 32 and 64 samples, so that the error of so many is known later, unless that makes too many
+/// tasks; then chooses the length of its tasks. Throws RpcError RESOURCE_EXHAUSTED where no length is enough.
+void cut_rounds(JobSpec& job);
 
 /// The target that an ExtendJob asks for: 0 samples and no error leave these as they are. Throws RpcError INVALID_ARGUMENT for fewer
 /// samples or a larger error than the job has.

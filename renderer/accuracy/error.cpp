@@ -5,18 +5,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
+#include <stdexcept>
 
 #include "renderer/accuracy/student.h"
+#include "renderer/film/merge.h"
 
 namespace woodcock {
 
 namespace {
 
 constexpr double kConfidence = 0.95;
-
-/// Hands the picture over in pieces, in the order of its pixels; called twice.
-using VisitPixels = std::function<void(const std::function<void(std::span<const PixelStats>)>&)>;
 
 /// The mean of the replicates that hold samples, weighted by them.
 double mean_luminance(const std::array<double, kReplicates>& replicate, const FoldWeights& weights) {
@@ -77,44 +75,6 @@ PixelError pixel_error(const std::array<double, kReplicates>& replicate, const F
   return e;
 }
 
-/// The error of every pixel against `image_mean`.
-void estimate_pixels(const VisitPixels& visit, PixelWeights& weights_of, ErrorEstimate& error) {
-  const double floor = 0.01 * error.image_mean;
-  double pixels = 0, variance = 0, relative = 0, relative_squares = 0, noise = 0, unbiased = 0, largest_absolute = 0, largest_relative = 0;
-  visit([&](std::span<const PixelStats> piece) {
-    for (const PixelStats& pixel : piece) {
-      if (pixel.missing()) continue;
-      const FoldWeights& weights = weights_of.of(pixel);
-      if (degrees_of(weights) < 1) continue;  // one sample says nothing of its spread
-      ++pixels;
-      const std::array<double, kReplicates> replicate = replicates_of(pixel);
-      const auto [v, mean, scale, term] = pixel_error(replicate, weights, floor);
-      if (error.degrees >= 2) unbiased += jackknifed_term(replicate, weights, term, floor);
-      variance += v;
-      relative += term;
-      relative_squares += term * term;
-      // E[t²] = E[t]²·(1 + 2/ν), so 2/(ν + 2)·t² is on average the variance of a term that is a multiple of χ²; a mean that is
-      // off by δ moves it by the factor 1 − 2·x̄·δ/(x̄² + floor²).
-      noise += term * term * (2.0 / (error.degrees + 2) + (scale > 0 ? 4 * v * mean * mean / (scale * scale) : 0));
-      const double one = static_cast<double>(pixel.largest) / weights.samples, share = std::min(one * one, v);
-      largest_absolute = std::max(largest_absolute, share);
-      if (scale > 0) largest_relative = std::max(largest_relative, share / scale);
-    }
-  });
-  const double mse = relative / pixels;
-  error.relative_mse = mse;
-  error.standard_error = std::sqrt(variance / pixels);
-  Estimate e{std::sqrt(mse), 0};
-  if (pixels > 1 && mse > 0) {
-    const double scatter = std::max(0.0, relative_squares / pixels - mse * mse) / (pixels - 1);
-    e.half_width = kNormal95 * std::sqrt(scatter) / (2 * e.value);  // dE = d(E²)/(2E)
-  }
-  error.relative_error = e;
-  if (error.degrees >= 2) error.unbiased_relative_mse = unbiased / pixels;
-  error.mse_deviation = mse > 0 ? std::sqrt(noise) / relative : 0;
-  error.one_sample_share = mse > 0 ? std::max(largest_absolute / variance, largest_relative / relative) : 0;
-}
-
 /// largest²/Σ sample², with Σ = n·(deviation² + mean²) of luminance: the deviations of the channels are added as if they went
 /// together, as those of light that comes and does not come do.
 double largest_square_share(const PixelStats& pixel, double mean, double samples) {
@@ -123,49 +83,126 @@ double largest_square_share(const PixelStats& pixel, double mean, double samples
   return sum > 0 ? std::min(1.0, largest * largest / sum) : 0;
 }
 
-/// Replicate k of the whole image is the mean of the pixels' replicates; where pixels hold different numbers of samples its weight
-/// is the mean of theirs. Each such mean is unbiased, and from 32 samples on, where the schedule's counts are multiples of 8, the
-/// weights are exact.
-ErrorEstimate estimate(const VisitPixels& visit, PixelWeights weights_of) {
+}  // namespace
+
+/// The sums of both rounds, and what follows from them.
+struct ErrorSums::Impl {
+  explicit Impl(PixelWeights weights) : weights_of(std::move(weights)) {}
+
+  PixelWeights weights_of;
   ErrorEstimate error;
+  // Of the first round.
   std::array<double, kReplicates> replicate{};
   FoldWeights sum;
   int64_t fireflies = 0, pixels_for_fireflies = 0;
   double largest_squares = 0;
-  visit([&](std::span<const PixelStats> piece) {
-    for (const PixelStats& pixel : piece) {
-      if (pixel.missing()) {
-        ++error.missing_pixels;
-        continue;
-      }
-      ++error.pixels;
-      const FoldWeights& weights = weights_of.of(pixel);
-      sum.add(weights);
-      for (size_t k = 0; k < kReplicates; ++k) replicate[k] += static_cast<double>(pixel.replicate[k]);
-      const double total = std::abs(mean_luminance(replicates_of(pixel), weights)) * weights.samples;
-      if (weights.samples < static_cast<double>(kFireflySamples)) continue;
-      ++pixels_for_fireflies;
-      if (static_cast<double>(pixel.largest) > 0.1 * total) ++fireflies;
-      largest_squares += largest_square_share(pixel, total / weights.samples, weights.samples);
+  // Of the second.
+  double floor = 0, pixels = 0, variance = 0, relative = 0, relative_squares = 0, noise = 0, unbiased = 0;
+  double largest_absolute = 0, largest_relative = 0;
+
+  void add_mean(const PixelStats& pixel) {
+    if (pixel.missing()) {
+      ++error.missing_pixels;
+      return;
     }
-  });
-  if (error.pixels == 0) return error;
-  FoldWeights weights = sum;
-  weights.samples /= static_cast<double>(error.pixels);
-  for (double& n : weights.of_replicate) n /= static_cast<double>(error.pixels);
-  error.samples = std::llround(weights.samples);
-  error.degrees = std::max(0, degrees_of(weights));
-  for (double& r : replicate) r /= static_cast<double>(error.pixels);
-  error.image_mean = mean_luminance(replicate, weights);
-  if (pixels_for_fireflies > 0) {
-    error.firefly_share = static_cast<double>(fireflies) / static_cast<double>(pixels_for_fireflies);
-    error.largest_square_share = largest_squares / static_cast<double>(pixels_for_fireflies);
+    ++error.pixels;
+    const FoldWeights& weights = weights_of.of(pixel);
+    sum.add(weights);
+    for (size_t k = 0; k < kReplicates; ++k) replicate[k] += static_cast<double>(pixel.replicate[k]);
+    const double total = std::abs(mean_luminance(replicates_of(pixel), weights)) * weights.samples;
+    if (weights.samples < static_cast<double>(kFireflySamples)) return;
+    ++pixels_for_fireflies;
+    if (static_cast<double>(pixel.largest) > 0.1 * total) ++fireflies;
+    largest_squares += largest_square_share(pixel, total / weights.samples, weights.samples);
   }
-  if (error.degrees < 1) return error;
-  error.image_mean_standard_error = std::sqrt(variance_between(replicate, weights));
-  error.image_mean_half_width = student_quantile(0.5 + kConfidence / 2, error.degrees) * *error.image_mean_standard_error;
-  estimate_pixels(visit, weights_of, error);
-  return error;
+
+  /// Replicate k of the whole image is the mean of the pixels' replicates; where pixels hold different numbers of samples its weight
+  /// is the mean of theirs. Each such mean is unbiased, and from 32 samples on, where the schedule's counts are multiples of 8, the
+  /// weights are exact.
+  void end_means() {
+    if (error.pixels == 0) return;
+    FoldWeights weights = sum;
+    weights.samples /= static_cast<double>(error.pixels);
+    for (double& n : weights.of_replicate) n /= static_cast<double>(error.pixels);
+    error.samples = std::llround(weights.samples);
+    error.degrees = std::max(0, degrees_of(weights));
+    for (double& r : replicate) r /= static_cast<double>(error.pixels);
+    error.image_mean = mean_luminance(replicate, weights);
+    floor = 0.01 * error.image_mean;
+    if (pixels_for_fireflies > 0) {
+      error.firefly_share = static_cast<double>(fireflies) / static_cast<double>(pixels_for_fireflies);
+      error.largest_square_share = largest_squares / static_cast<double>(pixels_for_fireflies);
+    }
+    if (error.degrees < 1) return;
+    error.image_mean_standard_error = std::sqrt(variance_between(replicate, weights));
+    error.image_mean_half_width = student_quantile(0.5 + kConfidence / 2, error.degrees) * *error.image_mean_standard_error;
+  }
+
+  void add_error(const PixelStats& pixel) {
+    if (pixel.missing()) return;
+    const FoldWeights& weights = weights_of.of(pixel);
+    if (degrees_of(weights) < 1) return;  // one sample says nothing of its spread
+    ++pixels;
+    const std::array<double, kReplicates> values = replicates_of(pixel);
+    const auto [v, mean, scale, term] = pixel_error(values, weights, floor);
+    if (error.degrees >= 2) unbiased += jackknifed_term(values, weights, term, floor);
+    variance += v;
+    relative += term;
+    relative_squares += term * term;
+    // E[t²] = E[t]²·(1 + 2/ν), so 2/(ν + 2)·t² is on average the variance of a term that is a multiple of χ²; a mean that is
+    // off by δ moves it by the factor 1 − 2·x̄·δ/(x̄² + floor²).
+    noise += term * term * (2.0 / (error.degrees + 2) + (scale > 0 ? 4 * v * mean * mean / (scale * scale) : 0));
+    const double one = static_cast<double>(pixel.largest) / weights.samples, share = std::min(one * one, v);
+    largest_absolute = std::max(largest_absolute, share);
+    if (scale > 0) largest_relative = std::max(largest_relative, share / scale);
+  }
+
+  void end_errors() {
+    if (error.pixels == 0 || error.degrees < 1) return;
+    const double mse = relative / pixels;
+    error.relative_mse = mse;
+    error.standard_error = std::sqrt(variance / pixels);
+    Estimate e{std::sqrt(mse), 0};
+    if (pixels > 1 && mse > 0) {
+      const double scatter = std::max(0.0, relative_squares / pixels - mse * mse) / (pixels - 1);
+      e.half_width = kNormal95 * std::sqrt(scatter) / (2 * e.value);  // dE = d(E²)/(2E)
+    }
+    error.relative_error = e;
+    if (error.degrees >= 2) error.unbiased_relative_mse = unbiased / pixels;
+    error.mse_deviation = mse > 0 ? std::sqrt(noise) / relative : 0;
+    error.one_sample_share = mse > 0 ? std::max(largest_absolute / variance, largest_relative / relative) : 0;
+  }
+};
+
+ErrorSums::ErrorSums(PixelWeights weights) : impl_(std::make_unique<Impl>(std::move(weights))) {}
+ErrorSums::ErrorSums(ErrorSums&&) noexcept = default;
+ErrorSums::~ErrorSums() = default;
+
+void ErrorSums::add(std::span<const PixelStats> piece) {
+  for (const PixelStats& pixel : piece) second_ ? impl_->add_error(pixel) : impl_->add_mean(pixel);
+}
+
+void ErrorSums::begin_second_round() {
+  impl_->end_means();
+  second_ = true;
+}
+
+ErrorEstimate ErrorSums::estimate() {
+  impl_->end_errors();
+  return impl_->error;
+}
+
+namespace {
+
+/// `visit` hands the picture over in pieces, in the order of its pixels.
+template <typename Visit>
+ErrorEstimate estimate(const Visit& visit, PixelWeights weights) {
+  ErrorSums sums(std::move(weights));
+  const auto add = [&](std::span<const PixelStats> piece) { sums.add(piece); };
+  visit(add);
+  sums.begin_second_round();
+  visit(add);
+  return sums.estimate();
 }
 
 }  // namespace
@@ -221,6 +258,18 @@ ErrorEstimate estimate_error(const std::filesystem::path& exr) {
       reader.info().map ? PixelWeights::by_count() : PixelWeights(reader.info().samples));
 }
 
+std::vector<ErrorEstimate> estimate_prefixes(std::span<const std::filesystem::path> tiles, std::span<const int64_t> counts) {
+  std::vector<ErrorSums> sums;
+  for (const int64_t n : counts) sums.emplace_back(PixelWeights({0, n}));
+  const auto add = [&](size_t i, std::span<const PixelStats> rows) { sums[i].add(rows); };
+  visit_prefixes(tiles, counts, add);
+  for (ErrorSums& s : sums) s.begin_second_round();
+  visit_prefixes(tiles, counts, add);
+  std::vector<ErrorEstimate> errors;
+  for (ErrorSums& s : sums) errors.push_back(s.estimate());
+  return errors;
+}
+
 std::string format_error(const ErrorEstimate& error) {
   std::string text = fmt::format("{} samples per pixel, {} pixels", error.samples, error.pixels);
   if (error.missing_pixels > 0) text += fmt::format("; {} pixels miss samples and are left out", error.missing_pixels);
@@ -267,6 +316,41 @@ std::vector<std::pair<std::string, double>> error_fields(const ErrorEstimate& er
   add("largest_square_share", error.largest_square_share);
   add("one_sample_share", error.one_sample_share);
   return fields;
+}
+
+ErrorEstimate error_from_fields(const std::map<std::string, double>& fields) {
+  const auto number = [&](const char* name) {
+    const auto it = fields.find(name);
+    if (it != fields.end() && !std::isfinite(it->second)) throw std::invalid_argument(fmt::format("{} is not finite", name));
+    return it == fields.end() ? std::nullopt : std::optional(it->second);
+  };
+  const auto count = [&](const char* name) {
+    const auto value = number(name);
+    if (!value || !(*value >= 0 && *value <= static_cast<double>(kMaxSamples)))
+      throw std::invalid_argument(fmt::format("{} is no count", name));
+    return static_cast<int64_t>(*value);
+  };
+  ErrorEstimate e;
+  e.samples = count("samples");
+  e.pixels = count("pixels");
+  e.missing_pixels = count("missing_pixels");
+  e.image_mean = number("image_mean").value_or(0);
+  e.degrees = static_cast<int>(std::clamp<int64_t>(e.samples - 1, 0, static_cast<int64_t>(kReplicates) - 1));
+  e.image_mean_standard_error = number("image_mean_standard_error");
+  e.image_mean_half_width = number("image_mean_half_width");
+  e.relative_mse = number("relative_mse");
+  if (const auto value = number("relative_error")) {
+    // What judges an error asks for all of these.
+    if (!e.relative_mse || !number("mse_deviation")) throw std::invalid_argument("relative_error comes without its spread");
+    e.relative_error = Estimate{*value, number("relative_error_half_width").value_or(0)};
+  }
+  e.unbiased_relative_mse = number("unbiased_relative_mse");
+  e.mse_deviation = number("mse_deviation");
+  e.standard_error = number("standard_error");
+  e.firefly_share = number("firefly_share");
+  e.largest_square_share = number("largest_square_share");
+  e.one_sample_share = number("one_sample_share");
+  return e;
 }
 
 }  // namespace woodcock

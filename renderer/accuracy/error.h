@@ -8,6 +8,8 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -92,6 +94,24 @@ class PixelWeights {
   bool by_count_ = false;
 };
 
+/// The estimate of a picture that comes in pieces: all of it is added twice, in the order of its pixels.
+class ErrorSums {
+ public:
+  explicit ErrorSums(PixelWeights weights);
+  ErrorSums(ErrorSums&&) noexcept;
+  ~ErrorSums();
+
+  void add(std::span<const PixelStats> piece);
+  void begin_second_round();
+  /// After the second round.
+  ErrorEstimate estimate();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+  bool second_ = false;
+};
+
 /// Samples per pixel that reach `error_factor` (½, ¼, …) of the present error: error² falls as 1/samples.
 int64_t samples_for(int64_t samples, double error_factor);
 
@@ -104,10 +124,18 @@ ErrorEstimate estimate_error(std::span<const Tile> nodes);
 /// The error of a node file, read by rows (twice). Throws FilmError.
 ErrorEstimate estimate_error(const std::filesystem::path& exr);
 
+/// The errors of the pictures of the first `counts[i]` samples, powers of two in order: from the tiles of one frame, node files
+/// that hold these samples of all its pixels. As `estimate_error` of each picture, in reading every tile twice. Throws FilmError.
+std::vector<ErrorEstimate> estimate_prefixes(std::span<const std::filesystem::path> tiles, std::span<const int64_t> counts);
+
 /// A few lines of plain text, each ending in a newline.
 std::string format_error(const ErrorEstimate& error);
 
 /// The same as numbers with names, absent ones left out, for JSON and tables.
 std::vector<std::pair<std::string, double>> error_fields(const ErrorEstimate& error);
+
+/// The inverse, up to fields that follow from others. Unknown names are passed over; throws std::invalid_argument where one that every
+/// estimate has is missing or no number can be what it says.
+ErrorEstimate error_from_fields(const std::map<std::string, double>& fields);
 
 }  // namespace woodcock

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <limits>
 
-#include "renderer/accuracy/error.h"
-
 namespace woodcock {
 
 namespace {
@@ -36,8 +34,7 @@ std::vector<std::string> names(SampleRange samples) {
   return list;
 }
 
-std::vector<float> values(const std::filesystem::path& file, SampleRange samples) {
-  const ErrorEstimate error = estimate_error(file);
+std::vector<float> values(const ErrorEstimate& error, SampleRange samples) {
   constexpr double kMax = std::numeric_limits<float>::max();
   std::vector<float> list;
   // What a picture without a whole pixel lacks is 0; its `error.pixels` says so.
@@ -48,6 +45,14 @@ std::vector<float> values(const std::filesystem::path& file, SampleRange samples
 
 }  // namespace
 
-const PictureSummary kErrorSummary{names, values};
+const PictureSummary kErrorSummary{
+    names, [](const std::filesystem::path& file, SampleRange samples) { return values(estimate_error(file), samples); }};
+
+PictureSummary error_summary(ErrorEstimate& found) {
+  return {names, [&found](const std::filesystem::path& file, SampleRange samples) {
+            found = estimate_error(file);
+            return values(found, samples);
+          }};
+}
 
 }  // namespace woodcock

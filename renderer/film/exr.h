@@ -15,6 +15,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -53,8 +54,9 @@ struct NodeFile {
 /// known only after the last row, so they get their place first and their value before the file gets its name. No reader
 /// here takes them for true.
 struct PictureSummary {
-  std::vector<std::string> (*names)(SampleRange samples);
-  std::vector<float> (*values)(const std::filesystem::path& file, SampleRange samples);  ///< in the order of `names`
+  std::function<std::vector<std::string>(SampleRange samples)> names;
+  /// In the order of `names`; `file` is the picture under its temporary name.
+  std::function<std::vector<float>(const std::filesystem::path& file, SampleRange samples)> values;
 };
 
 /// Writes `nodes`: one rectangle, and the dyadic nodes of one range in order. The file appears whole or not at all, and

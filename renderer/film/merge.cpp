@@ -156,6 +156,15 @@ int band_rows(std::span<const MergeInput> inputs, const NodeFileInfo& info) {
   return static_cast<int>(std::clamp<size_t>(kBandBytes / row, 1, kMaxBandRows));
 }
 
+/// Which inputs reach into each band of `rows` rows.
+std::vector<std::vector<size_t>> inputs_by_band(std::span<const MergeInput> inputs, PixelRect rect, int rows) {
+  std::vector<std::vector<size_t>> of_band(static_cast<size_t>((rect.height() + rows - 1) / rows));
+  for (size_t i = 0; i < inputs.size(); ++i)
+    for (int b = (inputs[i].rect.y0 - rect.y0) / rows; b <= (inputs[i].rect.y1 - 1 - rect.y0) / rows; ++b)
+      of_band[static_cast<size_t>(b)].push_back(i);
+  return of_band;
+}
+
 }  // namespace
 
 NodeFileInfo merge_tiles(std::span<const MergeInput> inputs, const TileLoader& load, const std::filesystem::path& out,
@@ -163,10 +172,7 @@ NodeFileInfo merge_tiles(std::span<const MergeInput> inputs, const TileLoader& l
   const NodeFileInfo info = plan_merge(inputs, target);
   const PixelRect rect = info.rect;
   const int rows = band_rows(inputs, info);
-  std::vector<std::vector<size_t>> of_band(static_cast<size_t>((rect.height() + rows - 1) / rows));
-  for (size_t i = 0; i < inputs.size(); ++i)
-    for (int b = (inputs[i].rect.y0 - rect.y0) / rows; b <= (inputs[i].rect.y1 - 1 - rect.y0) / rows; ++b)
-      of_band[static_cast<size_t>(b)].push_back(i);
+  const auto of_band = inputs_by_band(inputs, rect, rows);
 
   ExrWriter writer(out, info, summary);
   TileCache cache(inputs, load);
@@ -186,6 +192,38 @@ NodeFileInfo merge_tiles(std::span<const MergeInput> inputs, const TileLoader& l
   for (const SampleRange node : info.nodes) write_part(node);
   writer.commit();
   return info;
+}
+
+void visit_prefixes(std::span<const MergeInput> inputs, const TileLoader& load, PixelRect rect, std::span<const int64_t> counts,
+                    const UseRows& use) {
+  if (counts.empty()) return;
+  const SampleRange all{0, counts.back()};
+  std::vector<MergeInput> inside;
+  std::vector<size_t> index;
+  for (size_t i = 0; i < inputs.size(); ++i)
+    if (inputs[i].range.begin < all.end) inside.push_back(inputs[i]), index.push_back(i);
+  const NodeFileInfo info = plan_merge(inside, {rect, all, {}});
+  if (info.missing_pixels > 0)
+    throw FilmError(inside[0].name, fmt::format("and the others leave out samples of {} pixels", info.missing_pixels));
+  const TileLoader load_inside = [&](size_t i) { return load(index[i]); };
+  TileCache cache(inside, load_inside);
+  const int rows = band_rows(inside, info);
+  const auto of_band = inputs_by_band(inside, rect, rows);
+  for (size_t b = 0; b < of_band.size(); ++b) {
+    const int y0 = rect.y0 + static_cast<int>(b) * rows, y1 = std::min(rect.y1, y0 + rows);
+    Band band(inside, of_band[b], {rect.x0, y0, rect.x1, y1}, cache);
+    std::vector<PixelStats> picture = band.node({0, counts[0]});
+    use(0, picture);
+    int64_t held = counts[0];
+    for (size_t c = 1; c < counts.size(); ++c) {
+      for (; held < counts[c]; held *= 2) {
+        const std::vector<PixelStats> next = band.node({held, 2 * held});
+        for (size_t p = 0; p < picture.size(); ++p) picture[p] = merge(picture[p], next[p], dyadic_level({0, held}));
+      }
+      use(c, picture);
+    }
+    cache.drop_above(y1);
+  }
 }
 
 }  // namespace woodcock

@@ -54,4 +54,16 @@ NodeFileInfo merge_tiles(std::span<const MergeInput> inputs, const TileLoader& l
 NodeFileInfo merge_files(std::span<const std::filesystem::path> files, const std::filesystem::path& out, const MergeTarget& target = {},
                          const PictureSummary* summary = nullptr);
 
+/// Called with the index of a count and whole rows of its picture.
+using UseRows = std::function<void(size_t count, std::span<const PixelStats> rows)>;
+
+/// Hands over the pictures of the first `counts[i]` samples of a frame, band by band from the top, all of one band before the next.
+/// The counts are powers of two in order, and no tile may reach across one of them. Throws FilmError, also where samples of
+/// [0, counts.back()) are missing in `rect`.
+void visit_prefixes(std::span<const MergeInput> inputs, const TileLoader& load, PixelRect rect, std::span<const int64_t> counts,
+                    const UseRows& use);
+
+/// The same for node files of one frame without sample maps, of the pixels that their header asks for.
+void visit_prefixes(std::span<const std::filesystem::path> files, std::span<const int64_t> counts, const UseRows& use);
+
 }  // namespace woodcock

@@ -79,7 +79,7 @@ BlockFrame read_blocks(const std::filesystem::path& exr, const FrameHeader& head
   return blocks;
 }
 
-void write_blocks(const std::filesystem::path& exr, const FrameHeader& header, const BlockFrame& blocks) {
+ErrorEstimate write_blocks(const std::filesystem::path& exr, const FrameHeader& header, const BlockFrame& blocks) {
   const auto shared = std::make_shared<const FrameHeader>(header);
   std::vector<MergeInput> inputs;
   std::vector<const Tile*> tiles;
@@ -89,8 +89,11 @@ void write_blocks(const std::filesystem::path& exr, const FrameHeader& header, c
       tiles.push_back(&node);
     }
   if (tiles.empty()) throw FilmError(exr.string(), "cannot be written: not one block is rendered");
+  ErrorEstimate error;
+  const PictureSummary summary = error_summary(error);
   merge_tiles(
-      inputs, [&](size_t i) { return *tiles[i]; }, exr, {{}, {}, blocks.map}, &kErrorSummary);
+      inputs, [&](size_t i) { return *tiles[i]; }, exr, {{}, {}, blocks.map}, &summary);
+  return error;
 }
 
 bool render_pass(const FrameRenderer& frame, const std::vector<int64_t>& counts, const PassSetting& setting, RenderProgress& progress,

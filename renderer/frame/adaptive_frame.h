@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "renderer/accuracy/adaptive.h"
+#include "renderer/accuracy/error.h"
 #include "renderer/frame/frame_renderer.h"
 
 namespace woodcock {
@@ -25,8 +26,8 @@ struct BlockFrame {
 /// of another frame, begins elsewhere, or misses samples.
 BlockFrame read_blocks(const std::filesystem::path& exr, const FrameHeader& header);
 
-/// Writes the frame; its bytes depend on the map only. Throws FilmError, also for a frame without any sample.
-void write_blocks(const std::filesystem::path& exr, const FrameHeader& header, const BlockFrame& blocks);
+/// Writes the frame, whose bytes depend on the map only, and returns its error. Throws FilmError, also for a frame without any sample.
+ErrorEstimate write_blocks(const std::filesystem::path& exr, const FrameHeader& header, const BlockFrame& blocks);
 
 /// Who renders, and what is watched meanwhile.
 struct PassSetting {

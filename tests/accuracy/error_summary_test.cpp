@@ -63,12 +63,12 @@ TEST(ErrorSummary, IsNotBelievedWhenAFileIsRead) {
   testing::TemporaryFolder folder;
   const auto header = testing::some_header(9, 40);
   write_exr(folder / "honest.exr", header, testing::render_nodes({0, 0, 9, 40}, {0, 16}), &kErrorSummary);
-  static constexpr PictureSummary kLie{[](SampleRange) {
-                                         return std::vector<std::string>{"error.relative_error", "error.pixels"};
-                                       },
-                                       [](const fs::path&, SampleRange) {
-                                         return std::vector<float>{0, -1e30f};
-                                       }};
+  static const PictureSummary kLie{[](SampleRange) {
+                                     return std::vector<std::string>{"error.relative_error", "error.pixels"};
+                                   },
+                                   [](const fs::path&, SampleRange) {
+                                     return std::vector<float>{0, -1e30f};
+                                   }};
   write_exr(folder / "lie.exr", header, testing::render_nodes({0, 0, 9, 40}, {0, 16}), &kLie);
   EXPECT_EQ(error_fields(estimate_error(folder / "lie.exr")), error_fields(estimate_error(folder / "honest.exr")));
   const std::vector<fs::path> files{folder / "lie.exr"};

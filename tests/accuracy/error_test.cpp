@@ -146,5 +146,47 @@ TEST(Error, OfAFileIsThatOfItsPicture) {
   EXPECT_GE(a.size(), 11u);
 }
 
+TEST(Error, OfThePrefixesIsThatOfTheirPictures) {
+  // 9 × 140 pixels in two tiles, and samples in nodes that meet at 4, 8 and 16.
+  testing::TemporaryFolder folder;
+  const auto header = testing::some_header(9, 140);
+  std::vector<std::filesystem::path> tiles;
+  for (const PixelRect rect : {PixelRect{0, 0, 9, 75}, PixelRect{0, 75, 9, 140}})
+    for (const SampleRange range : {SampleRange{0, 2}, {2, 4}, {4, 8}, {8, 16}, {16, 18}}) {
+      tiles.push_back(folder / (std::to_string(tiles.size()) + ".exr"));
+      const Tile tile = testing::render_tile(rect, range);
+      write_exr(tiles.back(), header, {&tile, 1});
+    }
+  const std::vector<int64_t> counts{4, 8, 16};
+  const std::vector<ErrorEstimate> errors = estimate_prefixes(tiles, counts);
+  ASSERT_EQ(errors.size(), counts.size());
+  for (size_t i = 0; i < counts.size(); ++i) {
+    const Tile picture = testing::render_tile({0, 0, 9, 140}, {0, counts[i]});
+    EXPECT_EQ(error_fields(errors[i]), error_fields(estimate_error(picture.pixels, picture.range))) << counts[i];
+  }
+  EXPECT_THAT(testing::message_of([&] { estimate_prefixes(std::span(tiles).subspan(1), counts); }), HasSubstr("leave out samples"));
+}
+
+TEST(Error, IsReadFromItsFieldsAndNonsenseIsRefused) {
+  for (const int64_t n : {1, 2, 5, 16, 256}) {
+    Stream random(static_cast<uint64_t>(n));
+    const ErrorEstimate error = estimate_error(noisy_picture(30, {0, n}, 1, random), {0, n});
+    const auto fields = error_fields(error);
+    const ErrorEstimate read = error_from_fields({fields.begin(), fields.end()});
+    EXPECT_EQ(error_fields(read), fields);
+    EXPECT_EQ(read.degrees, error.degrees);
+  }
+  std::map<std::string, double> fields{{"samples", 16}, {"pixels", 4}, {"missing_pixels", 0}, {"image_mean", 1}};
+  EXPECT_EQ(error_from_fields(fields).samples, 16);
+  fields["relative_error"] = 0.1;  // without relative_mse and mse_deviation
+  EXPECT_THROW(error_from_fields(fields), std::invalid_argument);
+  fields.erase("relative_error");
+  fields["pixels"] = -1;
+  EXPECT_THROW(error_from_fields(fields), std::invalid_argument);
+  fields["pixels"] = 4;
+  fields["image_mean"] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(error_from_fields(fields), std::invalid_argument);
+}
+
 }  // namespace
 }  // namespace woodcock

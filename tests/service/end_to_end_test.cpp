@@ -73,6 +73,45 @@ TEST_F(Service, ExtendRendersOnlyTheDifferenceAndGivesTheSameFile) {
   EXPECT_TRUE(contents(path("image.exr")) == rendered({kCornell, "--spp", "32", "--resolution", "48x48"}));
 }
 
+/// What the sidecar of a picture says of its errors.
+nlohmann::json convergence_beside(const std::string& exr) {
+  std::ifstream in(fs::path(exr).replace_extension(".accuracy.json"));
+  return nlohmann::json::parse(in).at("convergence");
+}
+
+TEST_F(Service, TheErrorsOfTheFirstSamplesAreThoseOfALocalRender) {
+  start_coordinator();
+  start_worker();
+  const std::vector<std::string> scene{kCornell, "--spp", "160", "--resolution", "32x24"};
+  const Ended run = woodcock(joined({"submit", "-o", path("image.exr")}, scene));
+  ASSERT_EQ(run.code, 0) << run.err;
+  ASSERT_EQ(woodcock(joined({"render", "-o", path("local.exr")}, scene)).code, 0);
+  const nlohmann::json there = convergence_beside(path("image.exr")), here = convergence_beside(path("local.exr"));
+  std::vector<double> counts;
+  double spent = 0;
+  for (const nlohmann::json& point : there.at("points")) {
+    counts.push_back(point.at("samples"));
+    EXPECT_GT(point.at("cpu_seconds"), spent);
+    spent = point.at("cpu_seconds");
+    for (nlohmann::json local : here.at("points"))
+      if (local.at("samples") == point.at("samples")) {
+        local["cpu_seconds"] = spent;
+        EXPECT_EQ(point, local);
+      }
+  }
+  EXPECT_EQ(counts, (std::vector<double>{16, 32, 64, 128, 160}));
+  EXPECT_FALSE(there.at("predictions").empty());
+
+  // What the first job rendered takes none of the time of the second.
+  const std::vector<std::string> longer{kCornell, "--spp", "256", "--resolution", "32x24"};
+  ASSERT_EQ(woodcock(joined({"submit", "-o", path("longer.exr")}, longer)).code, 0);
+  const nlohmann::json points = convergence_beside(path("longer.exr")).at("points");
+  ASSERT_EQ(points.size(), 5u);
+  EXPECT_EQ(points[3].at("relative_error"), there.at("points")[3].at("relative_error"));
+  EXPECT_FALSE(points[3].contains("cpu_seconds"));
+  EXPECT_GT(points[4].at("cpu_seconds"), 0);
+}
+
 TEST_F(Service, ClampedSamplesAreCountedAndSaidAsRenderDoes) {
   std::string text = contents(kSphere);
   const std::string film = "Film \"rgb\"";
