@@ -31,17 +31,6 @@ std::optional<std::pair<double, std::string>> number_with_unit(const std::string
   return std::pair(value, std::string(rest, text.data() + text.size()));
 }
 
-/// "90", "90s", "5min", "2h" in seconds; throws CLI::ValidationError.
-double parse_time(const std::string& text) {
-  if (const auto number = number_with_unit(text)) {
-    const auto& [value, unit] = *number;
-    if (unit.empty() || unit == "s") return value;
-    if (unit == "min") return 60 * value;
-    if (unit == "h") return 3600 * value;
-  }
-  throw CLI::ValidationError("--max-time", "found \"" + text + "\", expected a time such as 90s, 5min or 2h");
-}
-
 enum class End { kTarget, kSamples, kTime, kInterrupt, kMap };
 
 const char* name_of(End end) {
@@ -81,6 +70,16 @@ double parse_error_target(const std::string& option, const std::string& text) {
   throw CLI::ValidationError(option, "found \"" + text + "\", expected a relative error up to 1, e.g. 0.02 or 2%");
 }
 
+double parse_time_limit(const std::string& text) {
+  if (const auto number = number_with_unit(text)) {
+    const auto& [value, unit] = *number;
+    if (unit.empty() || unit == "s") return value;
+    if (unit == "min") return 60 * value;
+    if (unit == "h") return 3600 * value;
+  }
+  throw CLI::ValidationError("--max-time", "found \"" + text + "\", expected a time such as 90s, 5min or 2h");
+}
+
 void add_target_options(CLI::App& command, TargetOptions& options) {
   command
       .add_option_function<std::string>(
@@ -89,14 +88,14 @@ void add_target_options(CLI::App& command, TargetOptions& options) {
       ->type_name("E");
   command.add_option("--max-spp", options.max_samples, "Most samples of any pixel (with a target the default is 1048576)")
       ->check(CLI::PositiveNumber);
-}
-
-void add_local_target_options(CLI::App& command, TargetOptions& options) {
   command
       .add_option_function<std::string>(
-          "--max-time", [&options](const std::string& text) { options.max_seconds = parse_time(text); },
+          "--max-time", [&options](const std::string& text) { options.max_seconds = parse_time_limit(text); },
           "Time to render, e.g. 90s, 5min or 2h; without a target it goes where the error is")
       ->type_name("T");
+}
+
+void add_sample_map_option(CLI::App& command, TargetOptions& options) {
   command.add_option("--sample-map", options.sample_map, "Render exactly the samples of this EXR, or of the JSON of an earlier render")
       ->type_name("FILE")
       ->check(CLI::ExistingFile);

@@ -27,10 +27,13 @@ struct TargetOptions {
 /// "0.02" or "2%" as a fraction; throws CLI::ValidationError naming `option`.
 double parse_error_target(const std::string& option, const std::string& text);
 
-/// Adds --target-error and --max-spp; `render` alone adds more.
+/// "90", "90s", "5min", "2h" in seconds; throws CLI::ValidationError.
+double parse_time_limit(const std::string& text);
+
+/// Adds --target-error, --max-time and --max-spp.
 void add_target_options(CLI::App& command, TargetOptions& options);
-/// Adds --max-time and --sample-map.
-void add_local_target_options(CLI::App& command, TargetOptions& options);
+/// Adds --sample-map, which `render` alone has.
+void add_sample_map_option(CLI::App& command, TargetOptions& options);
 
 /// Makes --spp and --max-spp one, and refuses what makes no sense together: call it once all is parsed. Without a target
 /// --max-spp is --spp. Throws CLI::ValidationError.

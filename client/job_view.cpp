@@ -112,7 +112,10 @@ json job_json(const v1::Job& job) {
            {"submitted_unix_ms", job.submitted_unix_ms()},
            {"ended_unix_ms", job.ended_unix_ms()},
            {"frame_count", job.frame_count()}};
-  if (job.has_target()) out["target"] = {{"error", job.target().error()}, {"max_samples", job.target().max_samples()}};
+  if (job.has_target()) {
+    out["target"] = {{"error", job.target().error()}, {"max_samples", job.target().max_samples()}};
+    if (job.target().max_seconds() > 0) out["target"]["max_seconds"] = job.target().max_seconds();
+  }
   if (job.frames_size() > 0) {
     out["frames"] = json::array();
     for (const v1::FrameStatus& frame : job.frames()) out["frames"].push_back(frame_json(frame));
@@ -130,6 +133,7 @@ std::string pass_line(const v1::FrameStatus& frame) {
 std::string target_line(const v1::Job& job, const v1::FrameStatus& frame) {
   if (frame.adaptive().closed_blocks() > 0)
     return fmt::format("{} blocks closed: the target is of the others", frame.adaptive().closed_blocks());
+  if (!frame.reason().empty()) return frame.reason();
   // The coordinator sums in another order: the last digits may differ.
   const bool reached = frame.statistics().has_relative_error() && frame.statistics().relative_error() <= job.target().error() * (1 + 1e-5);
   return reached ? "target reached" : fmt::format("ended by the limit of {} samples per pixel", job.target().max_samples());

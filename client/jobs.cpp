@@ -38,12 +38,18 @@ double percent(const v1::Progress& progress) {
   return 100 * static_cast<double>(progress.samples_done()) / static_cast<double>(progress.samples_total());
 }
 
+std::string describe(const v1::SamplingTarget& target) {
+  std::string text = fmt::format("{} samples per pixel at most", target.max_samples());
+  if (target.max_seconds() > 0) text = fmt::format("{} of rendering at most, ", format_seconds(target.max_seconds())) + text;
+  return target.error() > 0 ? fmt::format("relative error {:.3g} %, ", 100 * target.error()) + text : text;
+}
+
 void print_job(const v1::Job& job) {
   const v1::Progress& progress = job.progress();
   fmt::print("job       {}  {}\n", job.job_id(), job.name());
   fmt::print("state     {}{}{}\n", state_name(job.state()), job.state_reason().empty() ? "" : ": ", job.state_reason());
   if (job.has_target())
-    fmt::print("target    relative error {:.3g} %, {} samples per pixel at most\n", 100 * job.target().error(), job.target().max_samples());
+    fmt::print("target    {}\n", describe(job.target()));
   else
     fmt::print("samples   {} per pixel, {:.1f} % done\n", job.settings().samples(), percent(progress));
   fmt::print("tasks     {} of {} done, {} leased, {} given up\n", progress.tasks_done(), progress.tasks_total(), progress.tasks_leased(),
@@ -55,7 +61,7 @@ void print_job(const v1::Job& job) {
     const bool ended = frame.state() == v1::FRAME_STATE_DONE || frame.state() == v1::FRAME_STATE_PARTIAL;
     if (frame.has_adaptive() && !ended) fmt::print(", {}", pass_line(frame));
     if (ended || (frame.has_adaptive() && frame.has_statistics())) fmt::print(", {}", error_line(frame.statistics()));
-    if (ended && job.has_target()) fmt::print(", {}", target_line(job, frame));
+    if (ended && job.has_target() && frame.reason().empty()) fmt::print(", {}", target_line(job, frame));
     if (!frame.waiting_reason().empty()) fmt::print(", waits: {}", frame.waiting_reason());
     if (!frame.reason().empty()) fmt::print(", {}", frame.reason());
     fmt::print("\n");
@@ -200,6 +206,7 @@ void add_extend_command(CLI::App& app, int& code) {
   struct Options : JobOptions {
     int64_t samples = 0;
     std::optional<double> error;
+    double seconds = 0;
   };
   auto options = std::make_shared<Options>();
   auto* command =
@@ -211,12 +218,19 @@ void add_extend_command(CLI::App& app, int& code) {
           "--target-error", [options](const std::string& text) { options->error = parse_error_target("--target-error", text); },
           "The relative error to reach, e.g. 0.01 or 1%")
       ->type_name("E");
-  command->footer("Examples:\n  woodcock extend JOB --spp 1024\n  woodcock extend JOB --target-error 1%");
+  command
+      ->add_option_function<std::string>(
+          "--max-time", [options](const std::string& text) { options->seconds = parse_time_limit(text); },
+          "Time to render from now on, e.g. 90s, 5min or 2h; without it as long as the target takes")
+      ->type_name("T");
+  command->footer(
+      "Examples:\n  woodcock extend JOB --spp 1024\n  woodcock extend JOB --target-error 1%\n  woodcock extend JOB --max-time 5min");
   command->callback([options, &code] {
-    if (options->samples == 0 && !options->error) throw CLI::RequiredError("--spp or --target-error");
+    if (options->samples == 0 && !options->error && options->seconds == 0) throw CLI::RequiredError("--spp, --target-error or --max-time");
     v1::ExtendJobRequest request;
     request.set_samples(options->samples);
     if (options->error) request.set_target_error(*options->error);
+    request.set_max_seconds(options->seconds);
     code = act<v1::ExtendJobRequest, v1::ExtendJobResponse>(*options, &v1::JobsService::Stub::ExtendJob, request, "extending");
   });
 }

@@ -172,7 +172,7 @@ void add_render_command(CLI::App& app, int& code) {
   command->add_option("-o,--output", options->output, "EXR to write; without it the scene's own file name, which must not exist yet");
   add_frame_options(*command, options->settings);
   add_target_options(*command, options->target);
-  add_local_target_options(*command, options->target);
+  add_sample_map_option(*command, options->target);
   command->add_option("--samples", options->samples, "Render only the sample indices A:B, to be put together with `woodcock merge`");
   command->add_option("--threads", options->threads, "Threads (default: one for each processor)")->check(CLI::Range(1, 1024));
   command->add_option("--tile", options->tile, "Edge of the tiles in pixels; never changes a bit of the picture")

@@ -71,6 +71,7 @@ int run(const SubmitOptions& options) {
     const SamplingTarget target = sampling_target(options.target);
     submission.request.mutable_target()->set_error(target.error);
     submission.request.mutable_target()->set_max_samples(target.max_samples);
+    submission.request.mutable_target()->set_max_seconds(options.target.max_seconds.value_or(0));
   }
 
   Service service(options.service);
@@ -83,8 +84,7 @@ int run(const SubmitOptions& options) {
   const bool follow = options.watch || !options.output.empty();
   if (!options.json && !follow) {
     fmt::print("{}\n", id);
-    const std::string aim =
-        options.target.adaptive() ? fmt::format("a relative error of {:.3g} %, at most ", 100 * *options.target.error) : "";
+    const std::string aim = options.target.error ? fmt::format("a relative error of {:.3g} %, at most ", 100 * *options.target.error) : "";
     fmt::print(stderr, "job {}: {} frame{} of {}{} samples per pixel; follow it with: woodcock watch {}\n", id, last - first + 1,
                last == first ? "" : "s", aim, submission.request.settings().samples(), id);
   }
@@ -143,12 +143,14 @@ void add_submit_command(CLI::App& app, int& code) {
       "Examples:\n"
       "  woodcock submit scenes/cloud.pbrt --spp 256 -o cloud.exr       wait for the image\n"
       "  woodcock submit scenes/cloud.pbrt --spp 256                    prints the job's id and returns\n"
-      "  woodcock submit scenes/cloud.pbrt --target-error 2% -o cloud.exr\n"
+      "  woodcock submit scenes/cloud.pbrt --target-error 2% --max-time 5min -o cloud.exr\n"
       "  woodcock submit shot.####.pbrt --frames 1-24 -o shot.####.exr  a sequence\n"
       "The image is the one that `woodcock render` makes, to the bit.\n"
       "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the job ended with parts missing.");
   command->callback([options, &code] {
     settle_targets(options->target, options->settings);
+    if (options->dry_run && options->target.max_seconds && !options->target.error && !options->settings.samples)
+      throw CLI::ValidationError("--dry-run", "a limit of time alone costs that time: give --target-error or --spp");
     // The coordinator's limit is the job's number of samples.
     if (options->target.adaptive()) options->settings.samples = sampling_target(options->target).max_samples;
     code = run(*options);

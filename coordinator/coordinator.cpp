@@ -178,9 +178,7 @@ void Coordinator::carry_out(const Action& any) {
             const Job& job = must_find(save.job);
             if (has_ended(job.row.state) && job.row.ended_unix_ms == 0) scheduler_->set_ended_time(save.job, options_.unix_ms());
             spdlog::info("job {} {}{}{}", save.job, to_string(job.row.state), job.row.reason.empty() ? "" : ": ", job.row.reason);
-            store_->write([id = save.job, row = job.row, rounds = job.spec.rounds, target = job.spec.target](StoreSession& session) {
-              session.save_job(id, row, rounds, target);
-            });
+            store_->write([spec = job.spec, row = job.row](StoreSession& session) { session.save_job(spec, row); });
           },
           [&](const action::SaveFrame& save) {
             const FrameRow& row = must_find(save.job).frames[static_cast<size_t>(save.frame)].row;

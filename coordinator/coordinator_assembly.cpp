@@ -71,7 +71,7 @@ void Coordinator::assemble_one(const AssembleJob& work) {
     const Frame& frame = job->frames[static_cast<size_t>(work.frame)];
     if (!frame.to_be_assembled()) return;
     request = assemble_request(*job, frame, tasks);
-    request.target = job->spec.target;
+    if (!job->spec.out_of_time()) request.target = job->spec.target;
     request.closed = frame.closed_blocks();
     request.output_path = blobs_.temporary("frame-" + std::to_string(++next_temporary_) + ".exr");
   }

@@ -97,11 +97,12 @@ v1::Job Coordinator::set_paused(const std::string& id, bool paused) {
   return job(id);
 }
 
-v1::Job Coordinator::extend(const std::string& id, int64_t samples, std::optional<double> target_error) {
+v1::Job Coordinator::extend(const std::string& id, int64_t samples, std::optional<double> target_error, double max_seconds) {
+  const std::optional<double> seconds = checked_seconds(max_seconds);
   locked([&] {
     const Job& job = must_find(id);
-    if (target_error || job.spec.target) {
-      if (!scheduler_->set_target(id, extended_target(job.spec, samples, target_error)))
+    if (target_error || seconds || job.spec.target) {
+      if (!scheduler_->set_target(id, extended_target(job.spec, samples, target_error, seconds.has_value()), seconds))
         rpc::fail_precondition("job " + id + " is " + to_string(job.row.state) + " and cannot be extended");
       return;
     }

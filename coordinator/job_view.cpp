@@ -122,6 +122,7 @@ v1::Job job_view(const Scheduler& scheduler, const Job& job, int64_t last_event,
   if (job.spec.target) {
     wire.mutable_target()->set_error(job.spec.target->error);
     wire.mutable_target()->set_max_samples(job.spec.target->max_samples);
+    if (job.spec.time_limit) wire.mutable_target()->set_max_seconds(job.spec.time_limit->seconds);
   }
   for (const Frame& frame : job.frames) {
     if (wire.state_reason().empty()) wire.set_state_reason(scheduler.waiting_reason(job, frame, now));

@@ -42,8 +42,9 @@ grpc::Status JobsService::ResumeJob(grpc::ServerContext*, const v1::ResumeJobReq
 }
 grpc::Status JobsService::ExtendJob(grpc::ServerContext*, const v1::ExtendJobRequest* request, v1::ExtendJobResponse* response) {
   return answer([&] {
-    *response->mutable_job() = coordinator_.extend(request->job_id(), request->samples(),
-                                                   request->has_target_error() ? std::optional(request->target_error()) : std::nullopt);
+    *response->mutable_job() =
+        coordinator_.extend(request->job_id(), request->samples(),
+                            request->has_target_error() ? std::optional(request->target_error()) : std::nullopt, request->max_seconds());
   });
 }
 grpc::Status JobsService::GetFrame(grpc::ServerContext*, const v1::GetFrameRequest* request, v1::GetFrameResponse* response) {

@@ -44,6 +44,15 @@ struct FrameSpec {
   std::string scene_file;
 };
 
+/// How long an adaptive job may be rendered, in seconds during which a worker holds a lease of it: what it waits or is paused
+/// does not count.
+struct TimeLimit {
+  double seconds = 0;
+  double spent = 0;  ///< saved with each pass: a crash of the coordinator gives back what the last one took
+
+  bool over() const { return spent >= seconds; }
+};
+
 struct JobSpec {
   std::string id;
   std::string request_id;
@@ -54,10 +63,12 @@ struct JobSpec {
   int64_t range_length = 64;        ///< samples of the longest task, a power of two
   std::vector<SampleRange> rounds;  ///< [0, n), cut (submit.h), and what each extension added; what follows in an adaptive job are passes
   std::optional<SamplingTarget> target;  ///< of an adaptive job
+  std::optional<TimeLimit> time_limit;   ///< only with a target
   int priority = 0;
   std::vector<FrameSpec> frames;
   int64_t submitted_unix_ms = 0;
 
+  bool out_of_time() const { return time_limit && time_limit->over(); }
   int64_t samples() const { return rounds.empty() ? 0 : rounds.back().end; }
 };
 

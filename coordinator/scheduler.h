@@ -133,7 +133,8 @@ struct Frame {
   SampleMap settled_map(int64_t base) const;
   /// Blocks with a task that was given up.
   std::vector<bool> closed_blocks() const;
-  bool to_be_assembled() const { return unsettled == 0 && (row.state == FrameState::Assembling || deciding); }
+  /// With tasks that are not settled: its time was over.
+  bool to_be_assembled() const { return row.state == FrameState::Assembling || (unsettled == 0 && deciding); }
   /// A task is done, or open again.
   void add_health(int64_t number, const HealthCounts& counts);
   void remove_health(int64_t number);
@@ -164,8 +165,9 @@ class Scheduler {
   bool cancel(const std::string& job_id);
   bool set_paused(const std::string& job_id, bool paused);
   bool extend(const std::string& job_id, int64_t samples);
-  /// Gives a job another target, or its first. Frames that had ended are decided anew.
-  bool set_target(const std::string& job_id, const SamplingTarget& target);
+  /// Gives a job another target, or its first, and as much time as it takes or as `seconds` say. Frames that had ended are decided
+  /// anew.
+  bool set_target(const std::string& job_id, const SamplingTarget& target, std::optional<double> seconds = std::nullopt);
   /// For people; 0 while it has not ended.
   void set_ended_time(const std::string& job_id, int64_t unix_ms) { jobs_.at(job_id).row.ended_unix_ms = unix_ms; }
 
@@ -174,7 +176,7 @@ class Scheduler {
   OfferDecision offer(const Offer& offer, const std::string& worker_id, bool blob_present, Time now);
   /// What the worker must be told now: grants that it has not reported yet, new ones as long as it has room.
   Answer answer(const std::string& worker_id, Time now);
-  /// Expires leases. Call it about every second.
+  /// Expires leases and ends jobs whose time is over. Call it about every second.
   void tick(Time now);
   /// No new leases while the reason is not empty (disk full).
   void hold_leasing(const std::string& reason) { hold_reason_ = reason; }
@@ -238,6 +240,8 @@ class Scheduler {
   void set_state(Job& job, JobState state, const std::string& reason);
   void update_job(Job& job);
   void check_frame(Job& job, int frame);
+  void count_time(Time now);
+  void end_by_time(Job& job);
   void fail_frame(Job& job, int frame, const std::string& reason);
 
   bool fits(const Worker& worker, const Frame& frame) const;
@@ -261,6 +265,7 @@ class Scheduler {
   std::map<std::string, Worker> workers_;
   std::unordered_map<std::string, Lease> leases_;
   uint64_t next_epoch_ = 0;
+  Time last_tick_ = 0;
   std::string hold_reason_;
   std::vector<Action> actions_;
 };

@@ -177,8 +177,13 @@ void Scheduler::recover_job(const RecoveredJob& recovered, const std::vector<Lea
   }
   for (size_t i = 0; i < job.frames.size(); ++i) {
     check_frame(job, static_cast<int>(i));
-    // A crash may have come before the results of the pass were looked up.
     Frame& frame = job.frames[i];
+    if (frame.row.state == FrameState::Assembling && frame.unsettled > 0) {
+      // Its time was over before the restart.
+      actions_.push_back(action::AssembleFrame{job.spec.id, static_cast<int>(i)});
+      continue;
+    }
+    // A crash may have come before the results of the pass were looked up.
     if (!frame.row.passes.empty() && frame.row.pinned && frame.unsettled > 0 && !has_ended(frame.row.state)) look_up(job, frame);
   }
   update_job(job);
@@ -329,7 +334,7 @@ void Scheduler::frame_assembled(const std::string& id, int index, const std::str
   frame.row.image_bytes = bytes;
   frame.row.statistics = statistics;
   add_times(frame, frame.row.statistics.convergence);
-  frame.row.state = frame.given_up > 0 ? FrameState::Partial : FrameState::Done;
+  frame.row.state = frame.given_up > 0 || statistics.missing_pixels > 0 ? FrameState::Partial : FrameState::Done;
   if (frame.given_up > 0) frame.row.reason = std::to_string(frame.given_up) + " tasks could not be rendered by any worker";
   actions_.push_back(action::SaveFrame{id, index});
   log(id, EventKind::FrameDone, frame.spec.header.frame, "", "", std::string("frame ") + to_string(frame.row.state));

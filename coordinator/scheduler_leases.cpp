@@ -131,7 +131,7 @@ bool Scheduler::adopt(const LeaseReport& report, const std::string& worker_id, W
   Task* task = ref ? task_of(*ref) : nullptr;
   if (!task || task->state != TaskState::Open || !task->leases.empty()) return false;
   const Frame& frame = *frame_of(*ref);
-  if (has_ended(frame.row.state) || !frame.row.pinned || !fits(worker, frame)) return false;
+  if (has_ended(frame.row.state) || frame.row.state == FrameState::Assembling || !frame.row.pinned || !fits(worker, frame)) return false;
   if (report.epoch <= task->epoch || report.epoch >> 32 >= options_.leader_term) return false;
   Lease lease;
   lease.id = report.lease_id;
@@ -155,6 +155,7 @@ bool Scheduler::adopt(const LeaseReport& report, const std::string& worker_id, W
 }
 
 void Scheduler::tick(Time now) {
+  count_time(now);
   std::vector<std::string> expired;
   for (const auto& [id, lease] : leases_)
     if (now - lease.last_change > options_.lease + options_.grace) expired.push_back(id);
@@ -205,7 +206,7 @@ std::optional<TaskRef> Scheduler::choose(const std::string& worker_id, const Wor
     bool pinning = false;
     for (size_t i = job->first_unfinished; i < job->frames.size(); ++i) {
       Frame& frame = job->frames[i];
-      if (has_ended(frame.row.state) || frame.unsettled == 0) continue;
+      if (has_ended(frame.row.state) || frame.row.state == FrameState::Assembling || frame.unsettled == 0) continue;
       pinning = pinning || frame.pin_pending;
       if (frame.pin_pending || !fits(worker, frame)) continue;
       if (!frame.row.pinned) {

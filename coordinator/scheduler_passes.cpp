@@ -2,11 +2,18 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 
 #include "coordinator/scheduler.h"
 #include "coordinator/task_grid.h"
 
 namespace woodcock::coordinator {
+namespace {
+
+/// A tick that comes late counts as this at most: nobody knows what happened meanwhile.
+constexpr Time kLongestTick = 5 * kSecond;
+
+}  // namespace
 
 SampleMap Frame::planned_map(size_t passes, int64_t base) const {
   SampleMap map{spec.header.bounds, {}};
@@ -46,11 +53,52 @@ void Scheduler::look_up(Job& job, Frame& frame) {
       action::PinFrame{job.spec.id, static_cast<int>(&frame - job.frames.data()), frame.row.build, frame.row.arithmetic_class});
 }
 
-bool Scheduler::set_target(const std::string& id, const SamplingTarget& target) {
+void Scheduler::count_time(Time now) {
+  const Time elapsed = std::clamp<Time>(last_tick_ > 0 ? now - last_tick_ : 0, 0, kLongestTick);
+  last_tick_ = now;
+  std::set<std::string> rendered;
+  for (const auto& [id, lease] : leases_) rendered.insert(lease.task.job);
+  for (const std::string& id : rendered) {
+    Job& job = *job_of(id);
+    if (!job.spec.time_limit) continue;
+    job.spec.time_limit->spent += static_cast<double>(elapsed) / static_cast<double>(kSecond);
+    if (job.spec.out_of_time()) end_by_time(job);
+  }
+}
+
+/// Blocks of the pass that runs keep what they had before, where a task of theirs is not done.
+void Scheduler::end_by_time(Job& job) {
+  for (size_t i = 0; i < job.frames.size(); ++i) {
+    Frame& frame = job.frames[i];
+    if (has_ended(frame.row.state) || frame.to_be_assembled()) continue;
+    const auto index = static_cast<int>(i);
+    for (size_t number = 0; number < frame.tasks.size(); ++number) {
+      Task& task = frame.tasks[number];
+      while (!task.leases.empty()) end_lease(task.leases.back(), CancelReason::JobEnded);
+      if (task.epoch > 0) requeue({job.spec.id, index, static_cast<int64_t>(number)});
+    }
+    const std::string why = fmt::format("ended by its limit of {:.4g} s", job.spec.time_limit->seconds);
+    if (frame.done == 0) {
+      fail_frame(job, index, why + " before anything was rendered");
+      continue;
+    }
+    frame.deciding = false;
+    frame.row.state = FrameState::Assembling;
+    frame.row.reason = why;
+    actions_.push_back(action::SaveFrame{job.spec.id, index});
+    actions_.push_back(action::AssembleFrame{job.spec.id, index});
+  }
+  actions_.push_back(action::SaveJob{job.spec.id});
+  update_job(job);
+}
+
+bool Scheduler::set_target(const std::string& id, const SamplingTarget& target, std::optional<double> seconds) {
   Job* job = job_of(id);
   if (!job || job->row.state == JobState::Cancelled || job->row.state == JobState::Failed) return false;
-  if (job->spec.target == target) return true;
+  if (job->spec.target == target && !seconds) return true;
   job->spec.target = target;
+  job->spec.time_limit.reset();
+  if (seconds) job->spec.time_limit = TimeLimit{*seconds};
   job->spec.settings.samples = target.max_samples;
   job->row.ended_unix_ms = 0;
   log(id, EventKind::Extended, {}, "", "",
@@ -58,7 +106,7 @@ bool Scheduler::set_target(const std::string& id, const SamplingTarget& target) 
   actions_.push_back(action::SaveJob{id});
   for (size_t i = 0; i < job->frames.size(); ++i) {
     Frame& frame = job->frames[i];
-    if (frame.unsettled > 0) continue;
+    if (frame.unsettled > 0 && !has_ended(frame.row.state) && frame.row.state != FrameState::Assembling) continue;
     frame.row.state = FrameState::Running;
     frame.row.reason.clear();
     actions_.push_back(action::SaveFrame{id, static_cast<int>(i)});
@@ -85,6 +133,7 @@ bool Scheduler::pass_decided(const std::string& id, int index, const Decision& d
   append_pass(*job, frame, frame.row.passes.size() - 1);
   job->first_unfinished = 0;
   actions_.push_back(action::SaveFrame{id, index});
+  if (job->spec.time_limit) actions_.push_back(action::SaveJob{id});
   log(id, EventKind::PassDecided, frame.spec.header.frame, "", "",
       fmt::format("frame {}: error {:.3g} % of {:.3g} % after pass {}; {} of {} blocks go on", frame.spec.header.frame,
                   100 * decision.error, 100 * job->spec.target->error, frame.row.passes.size(), decision.active, decision.counts.size()));

@@ -28,8 +28,8 @@ class StoreSession {
 
   /// Nothing when its request id is taken: then returns false.
   bool insert_job(const JobSpec& spec);
-  void save_job(const std::string& job_id, const JobRow& row, const std::vector<SampleRange>& rounds,
-                const std::optional<SamplingTarget>& target);
+  /// Of the spec: rounds, target and time limit, which alone may change.
+  void save_job(const JobSpec& spec, const JobRow& row);
   void save_frame(const std::string& job_id, int frame, const FrameRow& row);
   /// Compare-and-set: inserts the row of an open task and its result. False when the task is settled already, or is a part of
   /// a task that is not split. `parent` is -1 for a task of the grid.

@@ -59,14 +59,19 @@ std::vector<SampleRange> parse_rounds(const std::string& text) {
 }
 
 /// A job's target; empty for a job without.
-std::string target_text(const std::optional<SamplingTarget>& target) {
-  return target ? nlohmann::json{{"error", target->error}, {"max_samples", target->max_samples}}.dump() : "";
+std::string target_text(const JobSpec& spec) {
+  if (!spec.target) return "";
+  nlohmann::json json{{"error", spec.target->error}, {"max_samples", spec.target->max_samples}};
+  if (spec.time_limit) json["time_limit"] = {{"seconds", spec.time_limit->seconds}, {"spent", spec.time_limit->spent}};
+  return json.dump();
 }
 
-std::optional<SamplingTarget> parse_target(const std::string& text) {
-  if (text.empty()) return std::nullopt;
+void parse_target(const std::string& text, JobSpec& spec) {
+  if (text.empty()) return;
   const nlohmann::json json = nlohmann::json::parse(text);
-  return SamplingTarget{json.at("error").get<double>(), json.at("max_samples").get<int64_t>()};
+  spec.target = SamplingTarget{json.at("error").get<double>(), json.at("max_samples").get<int64_t>()};
+  if (json.contains("time_limit"))
+    spec.time_limit = TimeLimit{json.at("time_limit").at("seconds").get<double>(), json.at("time_limit").at("spent").get<double>()};
 }
 
 std::string passes_text(const std::vector<std::vector<int64_t>>& passes) {
@@ -111,7 +116,7 @@ constexpr Integer kAttemptsKept = 20;
 
 bool StoreSession::insert_job(const JobSpec& spec) {
   const std::string settings = to_json(rpc::to_wire(spec.settings, spec.tile_size)), rounds = rounds_text(spec.rounds),
-                    target = target_text(spec.target);
+                    target = target_text(spec);
   const Integer tile = spec.tile_size, length = spec.range_length, priority = spec.priority, submitted = spec.submitted_unix_ms;
   const Integer inserted = affected((
       sql_.prepare
@@ -133,12 +138,11 @@ bool StoreSession::insert_job(const JobSpec& spec) {
   return true;
 }
 
-void StoreSession::save_job(const std::string& job_id, const JobRow& row, const std::vector<SampleRange>& rounds,
-                            const std::optional<SamplingTarget>& target) {
+void StoreSession::save_job(const JobSpec& spec, const JobRow& row) {
   const Integer state = static_cast<int>(row.state), paused = row.paused, ended = row.ended_unix_ms;
-  const std::string ends = rounds_text(rounds), aim = target_text(target);
+  const std::string ends = rounds_text(spec.rounds), aim = target_text(spec);
   sql_ << "update jobs set state = :s, reason = :r, paused = :p, ended_ms = :e, rounds = :ro, target = :ta where job_id = :id", use(state),
-      use(row.reason), use(paused), use(ended), use(ends), use(aim), use(job_id);
+      use(row.reason), use(paused), use(ended), use(ends), use(aim), use(spec.id);
 }
 
 void StoreSession::save_frame(const std::string& job_id, int frame, const FrameRow& row) {
@@ -315,7 +319,7 @@ std::vector<RecoveredJob> StoreSession::load_jobs() {
     job.spec.tile_size = static_cast<int>(r.get<Integer>(5));
     job.spec.range_length = r.get<Integer>(6);
     job.spec.rounds = parse_rounds(r.get<std::string>(7));
-    job.spec.target = parse_target(r.get<std::string>(15));
+    parse_target(r.get<std::string>(15), job.spec);
     job.spec.settings.samples = job.spec.target ? job.spec.target->max_samples : job.spec.samples();
     job.spec.priority = static_cast<int>(r.get<Integer>(8));
     job.spec.submitted_unix_ms = r.get<Integer>(9);

@@ -15,6 +15,8 @@ namespace woodcock::coordinator {
 
 namespace {
 
+/// Of a time limit: four months.
+constexpr double kMaxSeconds = 1e7;
 /// Samples of the longest task, where there are not too many.
 constexpr int64_t kRangeLength = 64;
 
@@ -68,21 +70,29 @@ std::set<std::string> check_manifest(const std::string& digest, BlobStore& blobs
   return paths;
 }
 
-SamplingTarget checked_target(double error, int64_t max_samples) {
-  if (!(error > 0 && error <= 1)) rpc::fail_invalid("target.error: expected a relative error above 0, at most 1");
+SamplingTarget checked_target(double error, int64_t max_samples, bool limited) {
+  if (!(error <= 1 && (limited ? error >= 0 : error > 0)))
+    rpc::fail_invalid("target.error: expected a relative error above 0, at most 1; or 0 with max_seconds");
   if (max_samples < kFirstCount || max_samples > kMaxMapSamples) rpc::fail_invalid("target.max_samples: expected 16 to 2^24");
   return {error, max_samples};
 }
 
 }  // namespace
 
-SamplingTarget extended_target(const JobSpec& job, int64_t samples, std::optional<double> error) {
+std::optional<double> checked_seconds(double seconds) {
+  if (!(seconds >= 0 && seconds <= kMaxSeconds))
+    rpc::fail_invalid("max_seconds: expected seconds above 0, at most 10^7; or 0 for no limit");
+  return seconds > 0 ? std::optional(seconds) : std::nullopt;
+}
+
+SamplingTarget extended_target(const JobSpec& job, int64_t samples, std::optional<double> error, bool limited) {
   const SamplingTarget present = job.target.value_or(SamplingTarget{1, std::max(job.samples(), SamplingTarget{}.max_samples)});
-  const SamplingTarget target = checked_target(error.value_or(present.error), samples != 0 ? samples : present.max_samples);
+  const SamplingTarget target = checked_target(error.value_or(present.error), samples != 0 ? samples : present.max_samples, limited);
   const int64_t least = job.target ? present.max_samples : job.samples();
   if (target.max_samples < least)
     rpc::fail_invalid("samples: the job has " + std::to_string(least) + " per pixel, more can be added but none taken away");
-  if (target.error > present.error) rpc::fail_invalid("target_error: the job has a target already, which can be tightened only");
+  if (present.error > 0 && target.error > present.error)
+    rpc::fail_invalid("target_error: the job has a target already, which can be tightened only");
   return target;
 }
 
@@ -102,7 +112,8 @@ JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time
   if (!job.settings.samples) rpc::fail_invalid("settings.samples: the client must resolve the samples per pixel");
   job.rounds = {{0, *job.settings.samples}};
   if (request.has_target()) {
-    job.target = checked_target(request.target().error(), request.target().max_samples());
+    if (const auto seconds = checked_seconds(request.target().max_seconds())) job.time_limit = TimeLimit{*seconds};
+    job.target = checked_target(request.target().error(), request.target().max_samples(), job.time_limit.has_value());
     if (*job.settings.samples != job.target->max_samples) rpc::fail_invalid("settings.samples: expected those of target.max_samples");
     job.rounds = {{0, kFirstCount}};
   }

@@ -11,9 +11,12 @@ namespace woodcock::coordinator {
 /// tasks; then chooses the length of its tasks. Throws RpcError RESOURCE_EXHAUSTED where no length is enough.
 void cut_rounds(JobSpec& job);
 
-/// The target that an ExtendJob asks for: 0 samples and no error leave these as they are. Throws RpcError INVALID_ARGUMENT for fewer
-/// samples or a larger error than the job has.
-SamplingTarget extended_target(const JobSpec& job, int64_t samples, std::optional<double> error);
+/// The time limit that a request asks for; none for 0. Throws RpcError INVALID_ARGUMENT.
+std::optional<double> checked_seconds(double seconds);
+
+/// The target that an ExtendJob asks for: 0 samples and no error leave these as they are; no error at all is right for a job that is
+/// `limited` in time only. Throws RpcError INVALID_ARGUMENT for fewer samples or a larger error than the job has.
+SamplingTarget extended_target(const JobSpec& job, int64_t samples, std::optional<double> error, bool limited);
 
 /// Checks every field and that every blob is there (and pins them). Throws RpcError: INVALID_ARGUMENT,
 /// FAILED_PRECONDITION naming missing blobs, RESOURCE_EXHAUSTED for too many tasks.

@@ -1,5 +1,5 @@
 // Jobs with a target: the bytes of `render` with the same target, with 1, 2 and 5 workers, after a kill of a worker and of the
-// coordinator, and after an extension; and what a task that nobody can render does to its block.
+// coordinator, and after an extension; and those of its sample map after a limit of time.
 #include <signal.h>
 
 #include <algorithm>
@@ -102,6 +102,20 @@ TEST_F(AdaptiveJobs, AnExtensionRendersOnlyTheDifference) {
   ASSERT_EQ(watch(other), 0);
   plain[2] = "30";
   EXPECT_TRUE(fetched(other) == rendered(plain));
+}
+
+TEST_F(AdaptiveJobs, ALimitOfTimeLeavesAFrameWhoseMapIsReplayed) {
+  start_coordinator();
+  start_worker();
+  std::vector<std::string> limited = scene("0.01%");
+  limited.insert(limited.begin(), {"submit", "--max-time", "2s", "-o", path("image.exr")});
+  const Ended run = woodcock(limited);
+  ASSERT_EQ(run.code, 0) << run.err;
+  EXPECT_THAT(run.out, ::testing::HasSubstr("ended by its limit of 2 s"));
+  std::vector<std::string> replay = scene("");
+  replay[1] = "--sample-map";
+  replay[2] = path("image.exr");
+  EXPECT_TRUE(contents(path("image.exr")) == rendered(replay));
 }
 
 }  // namespace

@@ -287,6 +287,12 @@ TEST(Coordinator, F22MalformedSubmitsAreRefusedByField) {
   EXPECT_EQ(code([](auto& r) { r.set_request_id("../x"); }), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(code([](auto& r) { r.mutable_settings()->clear_samples(); }), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(code([](auto& r) { r.mutable_settings()->set_tile_size(7); }), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(code([](auto& r) { r.mutable_target()->set_max_samples(64); }), grpc::StatusCode::INVALID_ARGUMENT);  // no error, no time
+  EXPECT_EQ(code([](auto& r) {
+              r.mutable_target()->set_max_samples(64);
+              r.mutable_target()->set_max_seconds(std::numeric_limits<double>::infinity());
+            }),
+            grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(code([](auto& r) { r.clear_frames(); }), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(code([](auto& r) { *r.add_frames() = r.frames(0); }), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(code([](auto& r) { r.mutable_frames(0)->set_scene_file("other.pbrt"); }), grpc::StatusCode::INVALID_ARGUMENT);

@@ -26,6 +26,25 @@ Decision next_pass(const SampleMap& map, std::initializer_list<size_t> blocks, i
   return decision;
 }
 
+/// What a restart would find.
+RecoveredJob saved(const Job& job) {
+  RecoveredJob saved;
+  saved.spec = job.spec;
+  saved.row = job.row;
+  saved.frames = {job.frames[0].row};
+  for (size_t i = 0; i < job.frames[0].tasks.size(); ++i) {
+    const Task& task = job.frames[0].tasks[i];
+    if (task.state == TaskState::Open) continue;
+    SettledTask& row = saved.settled.emplace_back();
+    row.number = static_cast<int64_t>(i);
+    row.state = task.state;
+    row.result.digest = task.digest;
+    row.first_part = task.first_part;
+    row.error = task.error;
+  }
+  return saved;
+}
+
 TEST(Scheduler, AnAdaptiveFrameGoesOnPassByPassAndAFailedTaskClosesItsBlock) {
   SchedulerWorld world;
   world.scheduler.add_job(adaptive_job());
@@ -66,17 +85,8 @@ TEST(Scheduler, AnAdaptiveFrameGoesOnPassByPassAndAFailedTaskClosesItsBlock) {
   // The next pass leaves it alone; a restart in its middle knows the same tasks.
   EXPECT_TRUE(world.scheduler.pass_decided("j1", 0, next_pass(settled, {5}, 40), {}, 1000));
   world.settle();
-  RecoveredJob job;
-  job.spec = world.scheduler.find("j1")->spec;
-  job.row = world.scheduler.find("j1")->row;
-  job.frames = {frame.row};
-  for (size_t i = 0; i < frame.tasks.size(); ++i) {
-    const Task& task = frame.tasks[i];
-    if (task.state == TaskState::Open) continue;
-    job.settled.push_back({0, static_cast<int64_t>(i), task.state, {"", task.digest, 0, {}, {}}, task.first_part, task.error});
-  }
   SchedulerWorld restarted(2);
-  restarted.scheduler.recover_job(job, {}, restarted.now);
+  restarted.scheduler.recover_job(saved(*world.scheduler.find("j1")), {}, restarted.now);
   const Frame& again = restarted.scheduler.find("j1")->frames[0];
   ASSERT_EQ(again.tasks.size(), frame.tasks.size());
   for (size_t i = 0; i < frame.tasks.size(); ++i) {
@@ -97,6 +107,90 @@ TEST(Scheduler, AnAdaptiveFrameGoesOnPassByPassAndAFailedTaskClosesItsBlock) {
   restarted.settle();
   EXPECT_EQ(restarted.assembled.size(), 2u);
   EXPECT_TRUE(again.to_be_assembled());
+}
+
+TEST(Scheduler, ALimitOfTimeCountsWhileWorkersRenderAndLeavesTheBlocksOfThePassWhereTheyWere) {
+  SchedulerWorld world;
+  JobSpec spec = adaptive_job();
+  spec.target->error = 0;
+  spec.time_limit = TimeLimit{100};
+  world.scheduler.add_job(spec);
+  const Job& job = *world.scheduler.find("j1");
+  const Frame& frame = job.frames[0];
+  const auto tick = [&](int seconds, bool rendering) {
+    for (int i = 0; i < seconds; ++i) {
+      world.now += kSecond;
+      if (rendering && i % 10 == 0) world.sync("w1");
+      world.scheduler.tick(world.now);
+    }
+    world.settle();
+  };
+  tick(500, false);
+  EXPECT_EQ(job.spec.time_limit->spent, 0);
+  world.finish_everything("w1");
+  ASSERT_EQ(world.assembled.size(), 1u);
+  EXPECT_TRUE(world.scheduler.pass_decided("j1", 0, next_pass(frame.settled_map(16), {5, 6, 7}, 32), {}, 1000));
+  world.settle();
+
+  // One task is done, two are being rendered when the time is over.
+  tick(1, false);
+  world.sync("w1");
+  world.finish("w1", world.held["w1"].begin()->second);
+  world.sync("w1");
+  tick(95, true);
+  EXPECT_NEAR(job.spec.time_limit->spent, 95, 1e-6);
+  EXPECT_EQ(frame.row.state, FrameState::Running);
+  ASSERT_EQ(world.held["w1"].size(), 2u);
+  tick(5, false);
+  EXPECT_EQ(frame.row.state, FrameState::Assembling);
+  EXPECT_TRUE(frame.to_be_assembled());
+  EXPECT_EQ(world.assembled.size(), 2u);
+  SampleMap map = frame.settled_map(16);
+  EXPECT_EQ(std::count(map.counts.begin(), map.counts.end(), 32), 1);
+  EXPECT_EQ(std::count(map.counts.begin(), map.counts.end(), 16), 15);
+  world.sync("w1");
+  EXPECT_TRUE(world.held["w1"].empty());  // cancelled, and nothing new
+
+  // A restart before the image is there merges it; then the job is done and says why.
+  SchedulerWorld restarted(2);
+  restarted.scheduler.recover_job(saved(job), {}, restarted.now);
+  restarted.settle();
+  ASSERT_EQ(restarted.assembled.size(), 1u);
+  const Job& again = *restarted.scheduler.find("j1");
+  restarted.scheduler.frame_assembled("j1", 0, std::string(64, 'e'), 1, {});
+  EXPECT_EQ(again.row.state, JobState::Done);
+  EXPECT_EQ(again.row.reason, "ended by its limit of 100 s");
+  EXPECT_EQ(again.frames[0].settled_map(16), map);
+
+  // With more time the pass goes on where it was.
+  EXPECT_TRUE(restarted.scheduler.set_target("j1", *again.spec.target, 50));
+  restarted.settle();
+  EXPECT_EQ(again.row.state, JobState::Running);
+  restarted.finish_everything("w1");
+  map = again.frames[0].settled_map(16);
+  EXPECT_EQ(std::count(map.counts.begin(), map.counts.end(), 32), 3);
+  EXPECT_TRUE(again.frames[0].to_be_assembled());
+}
+
+TEST(Scheduler, ALimitOfTimeThatEndsBeforeTheFirstSamplesLeavesAPartialFrameOrNone) {
+  for (const bool some : {false, true}) {
+    SchedulerWorld world;
+    JobSpec spec = adaptive_job();
+    spec.time_limit = TimeLimit{3};
+    world.scheduler.add_job(spec);
+    world.sync("w1");
+    if (some) world.finish("w1", world.held["w1"].begin()->second);
+    for (int i = 0; i < 5; ++i) world.scheduler.tick(world.now += kSecond);
+    world.settle();
+    const Job& job = *world.scheduler.find("j1");
+    if (some) {
+      FrameStatistics statistics;
+      statistics.missing_pixels = 15 * 1024;
+      world.scheduler.frame_assembled("j1", 0, std::string(64, 'e'), 1, statistics);
+    }
+    EXPECT_EQ(job.row.state, some ? JobState::Partial : JobState::Failed);
+    EXPECT_EQ(job.row.reason.substr(0, 25), "ended by its limit of 3 s");
+  }
 }
 
 TEST(TaskGrid, TasksOfAPassLieInOneBlockEach) {

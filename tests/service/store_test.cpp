@@ -23,6 +23,8 @@ TEST(Store, WhatWasWrittenIsThereAfterARestartAndTheTermGrows) {
   JobSpec spec = test_job("j1");
   spec.settings.seed = ~uint64_t{0};
   spec.rounds = {{0, 64}, {64, 96}};
+  spec.target = SamplingTarget{0, 4096};
+  spec.time_limit = TimeLimit{90, 1.5};
   {
     Store store(options(folder.path));
     EXPECT_EQ(store.term(), 1u);
@@ -41,6 +43,10 @@ TEST(Store, WhatWasWrittenIsThereAfterARestartAndTheTermGrows) {
   const std::vector<RecoveredJob> jobs = store.read([](StoreSession& s) { return s.load_jobs(); });
   ASSERT_EQ(jobs.size(), 1u);
   EXPECT_EQ(jobs[0].spec.rounds, spec.rounds);
+  EXPECT_EQ(jobs[0].spec.target, spec.target);
+  ASSERT_TRUE(jobs[0].spec.time_limit);
+  EXPECT_EQ(jobs[0].spec.time_limit->seconds, 90);
+  EXPECT_EQ(jobs[0].spec.time_limit->spent, 1.5);
   EXPECT_EQ(jobs[0].spec.settings.seed, spec.settings.seed);
   EXPECT_EQ(jobs[0].spec.frames.at(0).header, spec.frames[0].header);
   EXPECT_EQ(jobs[0].row.last_event, 1);
