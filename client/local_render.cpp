@@ -1,5 +1,7 @@
 #include "client/local_render.h"
 
+#include <fmt/format.h>
+
 #include <bit>
 
 #include "renderer/accuracy/error_summary.h"
@@ -72,6 +74,15 @@ LocalRender render_locally(const FrameRenderer& frame, SampleRange samples, std:
   record();
   result.complete = !progress.cancel && result.samples.end >= samples.end;
   return result;
+}
+
+std::vector<Tile> earlier_nodes(const std::filesystem::path& exr, const FrameHeader& header) {
+  NodeFile file = read_exr(exr);
+  const std::string difference = header_difference(file.info.header, exr.string(), header, "this render");
+  if (!difference.empty()) throw FilmError(exr.string(), "cannot be resumed: " + difference);
+  if (file.info.missing_pixels > 0)
+    throw FilmError(exr.string(), fmt::format("cannot be resumed: {} pixels miss samples; render it again", file.info.missing_pixels));
+  return std::move(file.nodes);
 }
 
 ErrorEstimate write_picture(const std::filesystem::path& exr, const FrameHeader& header, const LocalRender& render) {

@@ -49,18 +49,6 @@ SampleRange parse_samples(const std::string& text) {
   return range;
 }
 
-/// The nodes of an earlier file of the same frame. Throws FilmError where they belong to another.
-std::vector<Tile> earlier_nodes(const fs::path& path, const FrameHeader& header) {
-  NodeFile file = read_exr(path);
-  const std::string difference = header_difference(file.info.header, path.string(), header, "this render");
-  if (!difference.empty()) throw FilmError(path.string(), "cannot be resumed: " + difference);
-  if (file.info.missing_pixels > 0) {
-    throw FilmError(path.string(),
-                    "cannot be resumed: " + std::to_string(file.info.missing_pixels) + " pixels miss samples; render it again");
-  }
-  return std::move(file.nodes);
-}
-
 int run(const RenderOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   const auto seconds = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); };

@@ -184,7 +184,7 @@ SweepPlan plan_or_usage(const SweepOptions& options, int scene_depth, uint64_t s
 
 std::vector<int64_t> parse_list(const std::string& option, const std::string& text) {
   try {
-    return parse_counts(text);
+    return parse_sample_counts(text);
   } catch (const std::invalid_argument& error) {
     throw CLI::ValidationError(option, error.what());
   }

@@ -15,13 +15,6 @@ namespace {
 namespace fs = std::filesystem;
 constexpr int kTileSize = 16;
 
-std::vector<Tile> earlier_nodes(const fs::path& path, const FrameHeader& header) {
-  NodeFile file = read_exr(path);
-  const std::string difference = header_difference(file.info.header, path.string(), header, "this sweep");
-  if (!difference.empty()) throw FilmError(path.string(), "cannot be gone on with: " + difference);
-  return std::move(file.nodes);
-}
-
 }  // namespace
 
 std::string nodes_name(const SweepRun& run, int64_t samples) { return fmt::format("{}-{}spp.exr", run.id, samples); }

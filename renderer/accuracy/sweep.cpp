@@ -140,7 +140,7 @@ int64_t parse_count(const std::string& text, const std::string& word) {
 
 }  // namespace
 
-std::vector<int64_t> parse_counts(const std::string& text) {
+std::vector<int64_t> parse_sample_counts(const std::string& text) {
   std::vector<int64_t> counts;
   bool dots = false;
   for (size_t begin = 0; begin <= text.size();) {

@@ -33,15 +33,15 @@ std::vector<std::vector<SweepPoint>> power_law(double a, double power, double fl
 }
 
 TEST(SweepCounts, AreReadWithDots) {
-  EXPECT_THAT(parse_counts("1,2,4,...,32"), ElementsAre(1, 2, 4, 8, 16, 32));
-  EXPECT_THAT(parse_counts("1,4,…,64,100"), ElementsAre(1, 4, 16, 64, 100));
-  EXPECT_THAT(parse_counts("7"), ElementsAre(7));
+  EXPECT_THAT(parse_sample_counts("1,2,4,...,32"), ElementsAre(1, 2, 4, 8, 16, 32));
+  EXPECT_THAT(parse_sample_counts("1,4,…,64,100"), ElementsAre(1, 4, 16, 64, 100));
+  EXPECT_THAT(parse_sample_counts("7"), ElementsAre(7));
 }
 
 TEST(SweepCounts, AreRefusedWhereTheyMakeNoRow) {
   for (const char* text : {"", "0", "-1", "1,,2", "2,1", "3,3", "1,2,...", "...,8", "1,...,8", "1,2,...,7", "2,3,...,12", "1,2,...,...,8",
                            "1x", "1,2,...,9223372036854775807"})
-    EXPECT_THROW(parse_counts(text), std::invalid_argument) << text;
+    EXPECT_THROW(parse_sample_counts(text), std::invalid_argument) << text;
 }
 
 TEST(SweepOrder, HasEveryCurveAtACountBeforeTheNext) {
