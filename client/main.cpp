@@ -32,6 +32,7 @@ int main(int argc, char** argv) {
   woodcock::add_pause_command(app, code);
   woodcock::add_resume_command(app, code);
   woodcock::add_extend_command(app, code);
+  woodcock::add_workers_command(app, code);
   woodcock::add_sweep_command(app, code);
   woodcock::add_up_command(app, code);
   woodcock::add_doctor_command(app, code);

@@ -60,9 +60,17 @@ v1::Job Coordinator::job(const std::string& id) {
   return seen;
 }
 
-v1::ListJobsResponse Coordinator::list(int page_size, const std::string& page_token) {
+namespace {
+
+size_t page_limit(int page_size) {
   if (page_size < 0 || page_size > 1000) rpc::fail_invalid("page_size: expected 1 to 1000, or 0 for 100");
-  const size_t limit = page_size == 0 ? 100 : static_cast<size_t>(page_size);
+  return page_size == 0 ? 100 : static_cast<size_t>(page_size);
+}
+
+}  // namespace
+
+v1::ListJobsResponse Coordinator::list(int page_size, const std::string& page_token) {
+  const size_t limit = page_limit(page_size);
   std::unique_lock lock(mutex_);
   std::vector<std::pair<int64_t, std::string>> order;
   for (const auto& [id, job] : scheduler_->jobs()) order.emplace_back(-job.spec.submitted_unix_ms, id);
@@ -78,6 +86,16 @@ v1::ListJobsResponse Coordinator::list(int page_size, const std::string& page_to
   if (begin + limit < order.size()) response.set_next_page_token(order[begin + limit - 1].second);
   lock.unlock();
   store_->flush();
+  return response;
+}
+
+v1::ListWorkersResponse Coordinator::list_workers(int page_size, const std::string& page_token) {
+  const size_t limit = page_limit(page_size);
+  v1::ListWorkersResponse response;
+  const std::lock_guard lock(mutex_);
+  const std::vector<WorkerView> workers = scheduler_->list_workers(page_token, limit + 1, options_.now());
+  for (size_t i = 0; i < std::min(limit, workers.size()); ++i) *response.add_workers() = to_wire(workers[i]);
+  if (workers.size() > limit) response.set_next_page_token(workers[limit - 1].last->worker_id);
   return response;
 }
 

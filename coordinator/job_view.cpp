@@ -14,6 +14,7 @@ v1::FrameState to_wire(FrameState state) { return static_cast<v1::FrameState>(st
 static_assert(static_cast<int>(JobState::Cancelled) + 1 == v1::JOB_STATE_CANCELLED);
 static_assert(static_cast<int>(FrameState::Cancelled) + 1 == v1::FRAME_STATE_CANCELLED);
 static_assert(static_cast<int>(EventKind::PassDecided) == v1::JOB_EVENT_KIND_PASS_DECIDED);
+static_assert(static_cast<int>(WorkerCondition::Quarantined) == v1::WORKER_CONDITION_QUARANTINED);
 
 v1::Progress to_wire(const Progress& p) {
   v1::Progress wire;
@@ -151,6 +152,20 @@ v1::TaskAttempt to_wire(const AttemptRecord& attempt) {
   wire.set_unix_ms(attempt.unix_ms);
   wire.set_message(attempt.message);
   wire.set_log_excerpt(attempt.log_excerpt);
+  return wire;
+}
+
+v1::WorkerStatus to_wire(const WorkerView& worker) {
+  v1::WorkerStatus wire;
+  wire.set_worker_id(worker.last->worker_id);
+  wire.set_host_name(worker.last->host_name);
+  wire.set_slots(static_cast<uint32_t>(worker.last->slots));
+  wire.set_threads(static_cast<uint32_t>(worker.last->threads));
+  wire.set_condition(static_cast<v1::WorkerCondition>(static_cast<int>(worker.condition)));
+  wire.set_build(worker.last->build);
+  wire.set_arithmetic_class(worker.last->arithmetic_class);
+  wire.set_leases(static_cast<int64_t>(worker.leases));
+  wire.set_silent_ms(worker.silent / 1'000'000);
   return wire;
 }
 

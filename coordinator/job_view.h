@@ -14,5 +14,6 @@ v1::FrameStatus frame_view(const Scheduler& scheduler, const Job& job, const Fra
 v1::Job job_view(const Scheduler& scheduler, const Job& job, int64_t last_event, bool with_frames, Time now);
 v1::JobEvent to_wire(const JobEvent& event);
 v1::TaskAttempt to_wire(const AttemptRecord& attempt);
+v1::WorkerStatus to_wire(const WorkerView& worker);
 
 }  // namespace woodcock::coordinator

@@ -47,6 +47,9 @@ grpc::Status JobsService::ExtendJob(grpc::ServerContext*, const v1::ExtendJobReq
                             request->has_target_error() ? std::optional(request->target_error()) : std::nullopt, request->max_seconds());
   });
 }
+grpc::Status JobsService::ListWorkers(grpc::ServerContext*, const v1::ListWorkersRequest* request, v1::ListWorkersResponse* response) {
+  return answer([&] { *response = coordinator_.list_workers(request->page_size(), request->page_token()); });
+}
 grpc::Status JobsService::GetFrame(grpc::ServerContext*, const v1::GetFrameRequest* request, v1::GetFrameResponse* response) {
   return answer([&] {
     const Admission::Ticket ticket(merges_, "images are merged");

@@ -84,6 +84,15 @@ struct Answer {
   std::string notice;
 };
 
+enum class WorkerCondition { Ready = 1, Draining, Quarantined };
+/// A connected worker, as it reported itself and as it is treated.
+struct WorkerView {
+  const WorkerReport* last = nullptr;
+  WorkerCondition condition = WorkerCondition::Ready;
+  size_t leases = 0;
+  Time silent = 0;  ///< since its last report
+};
+
 struct Progress {
   int64_t tasks_total = 0, tasks_done = 0, tasks_leased = 0, tasks_failed = 0;
   int64_t samples_total = 0, samples_done = 0, samples_in_flight = 0;
@@ -204,6 +213,8 @@ class Scheduler {
   std::vector<std::pair<int64_t, std::string>> keys_of_open_tasks(const action::PinFrame& pin) const;
   size_t live_leases() const { return leases_.size(); }
   int64_t connected_workers(Time now) const;
+  /// At most `limit` of them by id, those after `after`. The views hold until the next event.
+  std::vector<WorkerView> list_workers(const std::string& after, size_t limit, Time now) const;
 
  private:
   struct Lease {
@@ -245,6 +256,7 @@ class Scheduler {
   void fail_frame(Job& job, int frame, const std::string& reason);
 
   bool fits(const Worker& worker, const Frame& frame) const;
+  bool connected(const Worker& worker, Time now) const;
   bool available(const Worker& worker, Time now) const;
   int64_t available_workers(const Frame& frame, Time now) const;
   bool may_take(const std::string& worker_id, const Frame& frame, const Task& task, Time now) const;

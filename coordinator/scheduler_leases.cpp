@@ -9,8 +9,12 @@ bool Scheduler::fits(const Worker& worker, const Frame& frame) const {
   return !frame.row.pinned || (worker.last.build == frame.row.build && worker.last.arithmetic_class == frame.row.arithmetic_class);
 }
 
+bool Scheduler::connected(const Worker& worker, Time now) const {
+  return worker.last_seen > 0 && now - worker.last_seen <= options_.worker_timeout;
+}
+
 bool Scheduler::available(const Worker& worker, Time now) const {
-  return worker.last_seen > 0 && !worker.last.draining && !worker.quarantined && now - worker.last_seen <= options_.worker_timeout;
+  return connected(worker, now) && !worker.last.draining && !worker.quarantined;
 }
 
 int64_t Scheduler::available_workers(const Frame& frame, Time now) const {
@@ -18,8 +22,20 @@ int64_t Scheduler::available_workers(const Frame& frame, Time now) const {
 }
 
 int64_t Scheduler::connected_workers(Time now) const {
-  return std::count_if(workers_.begin(), workers_.end(),
-                       [&](const auto& w) { return w.second.last_seen > 0 && now - w.second.last_seen <= options_.worker_timeout; });
+  return std::count_if(workers_.begin(), workers_.end(), [&](const auto& w) { return connected(w.second, now); });
+}
+
+std::vector<WorkerView> Scheduler::list_workers(const std::string& after, size_t limit, Time now) const {
+  std::vector<WorkerView> list;
+  for (auto it = workers_.upper_bound(after); it != workers_.end() && list.size() < limit; ++it) {
+    const Worker& worker = it->second;
+    if (!connected(worker, now)) continue;
+    const WorkerCondition condition = worker.last.draining ? WorkerCondition::Draining
+                                      : worker.quarantined ? WorkerCondition::Quarantined
+                                                           : WorkerCondition::Ready;
+    list.push_back({&worker.last, condition, worker.leases.size(), now - worker.last_seen});
+  }
+  return list;
 }
 
 /// Ends a lease without saying what becomes of its task.

@@ -17,6 +17,12 @@ void check_text(const std::string& text, size_t limit, const char* name) {
   if (text.size() > limit) rpc::fail_invalid(std::string(name) + ": expected at most " + std::to_string(limit) + " bytes");
 }
 
+/// What users see in lists of workers.
+void check_shown(const std::string& text, size_t limit, const char* name) {
+  check_text(text, limit, name);
+  if (!rpc::is_plain_text(text)) rpc::fail_invalid(std::string(name) + ": expected text without control characters");
+}
+
 FailureCause cause_from_wire(v1::FailureCause cause) {
   switch (cause) {
     case v1::FAILURE_CAUSE_CRASH:
@@ -46,9 +52,9 @@ WorkerReport report_from_wire(const v1::SyncRequest& request) {
   if (request.slots() < 1 || request.slots() > rpc::kMaxSlots) rpc::fail_invalid("slots: expected 1 to 256");
   if (request.build().empty() || request.arithmetic_class().empty()) rpc::fail_invalid("build and arithmetic_class are required");
   if (request.state() == v1::WORKER_STATE_UNSPECIFIED) rpc::fail_invalid("state is required");
-  check_text(request.host_name(), 255, "host_name");
-  check_text(request.build(), rpc::kMaxBuildBytes, "build");
-  check_text(request.arithmetic_class(), rpc::kMaxBuildBytes, "arithmetic_class");
+  check_shown(request.host_name(), 255, "host_name");
+  check_shown(request.build(), rpc::kMaxBuildBytes, "build");
+  check_shown(request.arithmetic_class(), rpc::kMaxBuildBytes, "arithmetic_class");
   check_list(request.leases_size(), "leases");
   check_list(request.offers_size(), "offers");
   check_list(request.failures_size(), "failures");
@@ -62,7 +68,7 @@ WorkerReport report_from_wire(const v1::SyncRequest& request) {
   report.incarnation = request.incarnation();
   report.sequence = request.sequence();
   report.slots = static_cast<int>(request.slots());
-  report.threads = static_cast<int>(std::min<uint32_t>(request.threads(), 4096));
+  report.threads = static_cast<int>(std::clamp<uint32_t>(request.threads(), 1, 4096));
   report.draining = request.state() == v1::WORKER_STATE_DRAINING;
   for (const v1::LeaseReport& lease : request.leases()) {
     check_text(lease.lease_id(), rpc::kMaxIdBytes, "leases.lease_id");

@@ -18,6 +18,8 @@ bool is_digest(std::string_view text);
 const std::string& checked_digest(const std::string& text, std::string_view field);
 /// 1 to kMaxIdBytes characters of [A-Za-z0-9._-], not beginning with '.': safe as a file name.
 bool is_identifier(std::string_view text);
+/// No control characters: safe to print on a terminal.
+bool is_plain_text(std::string_view text);
 
 v1::PixelRect to_wire(const PixelRect& rect);
 v1::SampleRange to_wire(const SampleRange& range);

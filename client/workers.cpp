@@ -1,0 +1,100 @@
+// `woodcock workers`: who renders for a coordinator.
+#include "client/workers.h"
+
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "client/commands.h"
+
+namespace woodcock {
+namespace {
+
+std::string condition_name(v1::WorkerCondition condition) {
+  switch (condition) {
+    case v1::WORKER_CONDITION_READY:
+      return "ready";
+    case v1::WORKER_CONDITION_DRAINING:
+      return "draining";
+    case v1::WORKER_CONDITION_QUARANTINED:
+      return "quarantined";
+    default:
+      return "unknown";
+  }
+}
+
+nlohmann::json worker_json(const v1::WorkerStatus& worker) {
+  return {{"worker_id", worker.worker_id()},
+          {"host_name", worker.host_name()},
+          {"slots", worker.slots()},
+          {"threads", worker.threads()},
+          {"condition", condition_name(worker.condition())},
+          {"build", worker.build()},
+          {"arithmetic_class", worker.arithmetic_class()},
+          {"leases", worker.leases()},
+          {"silent_seconds", static_cast<double>(worker.silent_ms()) * 1e-3}};
+}
+
+void print_workers(const std::vector<v1::WorkerStatus>& workers, const std::string& address) {
+  if (workers.empty()) {
+    fmt::print("no worker is connected to {}: start one with `woodcock-worker --dir DIR --coordinator {}`\n", address, address);
+    return;
+  }
+  fmt::print("{:<26} {:<20} {:>5} {:>7} {:<11} {:>6} {:>7}  {:<24}  {:<12}\n", "WORKER", "HOST", "SLOTS", "THREADS", "STATE", "LEASES",
+             "HEARD", "BUILD", "CLASS");
+  int64_t threads = 0;
+  for (const v1::WorkerStatus& worker : workers) {
+    fmt::print("{:<26} {:<20} {:>5} {:>7} {:<11} {:>6} {:>5} s  {:<24.24}  {:<12.12}\n", worker.worker_id(), worker.host_name(),
+               worker.slots(), worker.threads(), condition_name(worker.condition()), worker.leases(), worker.silent_ms() / 1000,
+               worker.build(), worker.arithmetic_class());
+    if (worker.condition() == v1::WORKER_CONDITION_READY) threads += render_threads(worker);
+  }
+  fmt::print("{} worker{} connected; those that are ready render on {} threads (slots × threads)\n", workers.size(),
+             workers.size() == 1 ? "" : "s", threads);
+}
+
+}  // namespace
+
+std::vector<v1::WorkerStatus> list_workers(Service& service) {
+  std::vector<v1::WorkerStatus> workers;
+  v1::ListWorkersRequest request;
+  request.set_page_size(1000);
+  do {
+    v1::ListWorkersResponse response;
+    service.call(&v1::JobsService::Stub::ListWorkers, request, response, "listing the workers");
+    workers.insert(workers.end(), response.workers().begin(), response.workers().end());
+    request.set_page_token(response.next_page_token());
+  } while (!request.page_token().empty());
+  return workers;
+}
+
+int64_t render_threads(const v1::WorkerStatus& worker) { return int64_t{worker.slots()} * worker.threads(); }
+
+void add_workers_command(CLI::App& app, int& code) {
+  struct Options {
+    ServiceOptions service;
+    bool json = false;
+  };
+  auto options = std::make_shared<Options>();
+  auto* command = app.add_subcommand("workers", "List the coordinator's connected workers");
+  add_service_options(*command, options->service);
+  command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
+  command->footer(
+      "Example:\n  woodcock workers\n"
+      "A worker that was not heard of for a minute is not listed. Tasks of one frame go to workers of one build and one arithmetic class.");
+  command->callback([options, &code] {
+    Service service(options->service);
+    const std::vector<v1::WorkerStatus> workers = list_workers(service);
+    if (options->json) {
+      nlohmann::json all = nlohmann::json::array();
+      for (const v1::WorkerStatus& worker : workers) all.push_back(worker_json(worker));
+      fmt::print("{}\n", nlohmann::json{{"workers", all}}.dump(2));
+    } else {
+      print_workers(workers, service.address());
+    }
+    code = 0;
+  });
+}
+
+}  // namespace woodcock

@@ -1,0 +1,17 @@
+// The workers of a coordinator.
+#pragma once
+
+#include <vector>
+
+#include "client/service.h"
+#include "woodcock/v1/worker_status.pb.h"
+
+namespace woodcock {
+
+/// All that are connected, by id. Throws rpc::RpcError.
+std::vector<v1::WorkerStatus> list_workers(Service& service);
+
+/// Threads that render at once: slots × threads of each.
+int64_t render_threads(const v1::WorkerStatus& worker);
+
+}  // namespace woodcock
