@@ -113,7 +113,7 @@ void Coordinator::carry_out(const Action& any) {
                     task.frame = pin.frame;
                     task.number = number;
                     task.result = *found;
-                    task.result.cost = {};  // paid for by the job that rendered it
+                    task.reused = true;  // paid for by the job that rendered it
                     if (session.settle_task({pin.job, pin.frame, number}, task)) reused->push_back(task);
                   }
                 },

@@ -61,6 +61,7 @@ class Coordinator {
   v1::SubmitJobResponse submit(const v1::SubmitJobRequest& request);
   v1::Job job(const std::string& id);
   v1::ListJobsResponse list(int page_size, const std::string& page_token);
+  v1::ListResultsResponse results(const std::string& id, int page_size, const std::string& page_token);
   v1::ListWorkersResponse list_workers(int page_size, const std::string& page_token);
   v1::Job cancel(const std::string& id);
   v1::Job set_paused(const std::string& id, bool paused);

@@ -89,6 +89,36 @@ v1::ListJobsResponse Coordinator::list(int page_size, const std::string& page_to
   return response;
 }
 
+v1::ListResultsResponse Coordinator::results(const std::string& id, int page_size, const std::string& page_token) {
+  const size_t limit = page_limit(page_size);
+  TaskRef next{id, 0, 0};
+  if (!page_token.empty()) {
+    const std::optional<TaskRef> parsed = parse_task_id(page_token);
+    if (!parsed || parsed->job != id) rpc::fail_invalid("page_token: not one of an earlier answer");
+    next = *parsed;
+  }
+  v1::ListResultsResponse response;
+  {
+    const std::lock_guard lock(mutex_);
+    const Job& job = must_find(id);
+    for (; static_cast<size_t>(next.frame) < job.frames.size(); ++next.frame, next.number = 0) {
+      const std::vector<Task>& tasks = job.frames[static_cast<size_t>(next.frame)].tasks;
+      for (; static_cast<size_t>(next.number) < tasks.size(); ++next.number) {
+        const Task& task = tasks[static_cast<size_t>(next.number)];
+        if (task.state != TaskState::Done) continue;
+        if (static_cast<size_t>(response.results_size()) == limit) {
+          response.set_next_page_token(to_string(next));
+          break;
+        }
+        *response.add_results() = result_view(next, task);
+      }
+      if (!response.next_page_token().empty()) break;
+    }
+  }
+  store_->flush();
+  return response;
+}
+
 v1::ListWorkersResponse Coordinator::list_workers(int page_size, const std::string& page_token) {
   const size_t limit = page_limit(page_size);
   v1::ListWorkersResponse response;

@@ -26,6 +26,7 @@ v1::Progress to_wire(const Progress& p) {
   wire.set_samples_done(p.samples_done);
   wire.set_samples_in_flight(p.samples_in_flight);
   wire.set_worker_seconds(p.worker_seconds);
+  wire.set_result_seconds(p.result_seconds);
   wire.set_samples_per_second(p.samples_per_second);
   if (p.eta_seconds) wire.set_eta_seconds(*p.eta_seconds);
   return wire;
@@ -125,10 +126,23 @@ v1::Job job_view(const Scheduler& scheduler, const Job& job, int64_t last_event,
     wire.mutable_target()->set_max_samples(job.spec.target->max_samples);
     if (job.spec.time_limit) wire.mutable_target()->set_max_seconds(job.spec.time_limit->seconds);
   }
+  if (job.spec.quote) *wire.mutable_quote() = to_wire(*job.spec.quote);
+  if (const auto outcome = quote_outcome(job)) *wire.mutable_quote_outcome() = *outcome;
   for (const Frame& frame : job.frames) {
     if (wire.state_reason().empty()) wire.set_state_reason(scheduler.waiting_reason(job, frame, now));
     if (with_frames) *wire.add_frames() = frame_view(scheduler, job, frame, now);
   }
+  return wire;
+}
+
+v1::TaskResult result_view(const TaskRef& ref, const Task& task) {
+  v1::TaskResult wire;
+  wire.set_task_id(to_string(ref));
+  wire.set_samples(task.area.samples());
+  wire.set_cpu_ns(task.cpu_ns);
+  wire.set_wall_ns(task.wall_ns);
+  wire.set_worker_id(task.committed_by);
+  wire.set_reused(task.reused);
   return wire;
 }
 

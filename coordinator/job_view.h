@@ -12,6 +12,7 @@ void add_convergence(const Convergence& record, v1::GetFrameResponse& response);
 v1::FrameStatus frame_view(const Scheduler& scheduler, const Job& job, const Frame& frame, Time now);
 /// `last_event`: the last event's number. Frames are left out unless asked for.
 v1::Job job_view(const Scheduler& scheduler, const Job& job, int64_t last_event, bool with_frames, Time now);
+v1::TaskResult result_view(const TaskRef& ref, const Task& task);
 v1::JobEvent to_wire(const JobEvent& event);
 v1::TaskAttempt to_wire(const AttemptRecord& attempt);
 v1::WorkerStatus to_wire(const WorkerView& worker);

@@ -7,6 +7,7 @@
 #include <variant>
 #include <vector>
 
+#include "coordinator/quote.h"
 #include "renderer/accuracy/adaptive.h"
 #include "renderer/accuracy/convergence.h"
 #include "renderer/film/tile.h"
@@ -64,6 +65,7 @@ struct JobSpec {
   std::vector<SampleRange> rounds;  ///< [0, n), cut (submit.h), and what each extension added; what follows in an adaptive job are passes
   std::optional<SamplingTarget> target;  ///< of an adaptive job
   std::optional<TimeLimit> time_limit;   ///< only with a target
+  std::optional<JobQuote> quote;         ///< what the user was told that it will cost
   int priority = 0;
   std::vector<FrameSpec> frames;
   int64_t submitted_unix_ms = 0;
@@ -100,7 +102,8 @@ struct ResultRecord {
   std::string digest;
   int64_t bytes = 0;
   TaskCost cost;
-  HealthCounts health;  ///< unlike the cost it stays with the tile when another job takes it
+  HealthCounts health;
+  std::string worker_id{};  ///< who rendered it; empty where that was not kept
 };
 
 /// A settled task's row. Done: `result`; split: the number of its first part; given up: the last error.
@@ -111,6 +114,7 @@ struct SettledTask {
   ResultRecord result;
   int64_t first_part = 0;
   std::string error;
+  bool reused = false;  ///< done: an earlier job rendered it and paid for it
 };
 
 /// What error a frame reached: see renderer/accuracy ErrorEstimate.

@@ -96,7 +96,7 @@ struct WorkerView {
 struct Progress {
   int64_t tasks_total = 0, tasks_done = 0, tasks_leased = 0, tasks_failed = 0;
   int64_t samples_total = 0, samples_done = 0, samples_in_flight = 0;
-  double worker_seconds = 0, samples_per_second = 0;
+  double worker_seconds = 0, result_seconds = 0, samples_per_second = 0;
   std::optional<double> eta_seconds;
 };
 
@@ -107,9 +107,10 @@ struct Task {
   uint64_t epoch = 0;  ///< of its last lease
   int64_t parent = -1, first_part = -1;
   int expirations = 0, refusals = 0;
-  std::string committed_by;  ///< worker; empty after a restart
+  std::string committed_by;         ///< worker that rendered its result; empty where that was not kept
+  bool reused = false;              ///< an earlier job rendered the result
+  int64_t cpu_ns = 0, wall_ns = 0;  ///< what the result cost, whoever paid
   std::string digest;
-  int64_t cpu_ns = 0;  ///< of the result; 0 where an earlier job rendered it
   std::string error;
   std::vector<std::string> leases;  ///< live attempts
   std::vector<std::string> failed_workers;
@@ -127,7 +128,8 @@ struct Frame {
   int splits = 0;
   std::set<std::string> scene_failures;  ///< workers that could not read the scene
   int64_t samples_total = 0, samples_done = 0;
-  int64_t cpu_ns = 0;
+  int64_t cpu_ns = 0;                         ///< that this job paid
+  int64_t result_cpu_ns = 0;                  ///< of the results that are there, whoever paid
   HealthCounts health;                        ///< sum over the tasks done
   std::map<int64_t, HealthCounts> unhealthy;  ///< its share of each task that has any
   bool deciding = false;                      ///< a pass is over, and the next one not decided yet
@@ -144,7 +146,9 @@ struct Frame {
   std::vector<bool> closed_blocks() const;
   /// With tasks that are not settled: its time was over.
   bool to_be_assembled() const { return row.state == FrameState::Assembling || (unsettled == 0 && deciding); }
-  /// A task is done, or open again.
+  /// A task is done by this result, or open again: its worker, cost and counts.
+  void add_result(int64_t number, const ResultRecord& result, bool reused);
+  void remove_result(int64_t number);
   void add_health(int64_t number, const HealthCounts& counts);
   void remove_health(int64_t number);
 };

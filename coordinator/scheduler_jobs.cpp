@@ -14,6 +14,31 @@ FrameHeader Frame::pinned_header() const {
   return header;
 }
 
+void Frame::add_result(int64_t number, const ResultRecord& result, bool reused) {
+  Task& task = tasks[static_cast<size_t>(number)];
+  task.digest = result.digest;
+  task.committed_by = result.worker_id;
+  task.reused = reused;
+  task.cpu_ns = result.cost.cpu_ns;
+  task.wall_ns = result.cost.wall_ns;
+  ++done;
+  samples_done += task.area.samples();
+  if (!reused) cpu_ns += task.cpu_ns;
+  result_cpu_ns += task.cpu_ns;
+  add_health(number, result.health);
+}
+
+void Frame::remove_result(int64_t number) {
+  Task& task = tasks[static_cast<size_t>(number)];
+  task.digest.clear();
+  --done;
+  samples_done -= task.area.samples();
+  // What it cost was spent all the same, but is no part of the picture.
+  result_cpu_ns -= task.cpu_ns;
+  task.cpu_ns = task.wall_ns = 0;
+  remove_health(number);
+}
+
 void Frame::add_health(int64_t number, const HealthCounts& counts) {
   if (!counts.any()) return;
   unhealthy[number] = counts;
@@ -127,18 +152,12 @@ void Scheduler::restore_tasks(Job& job, Frame& frame, const std::vector<SettledT
     if (static_cast<size_t>(row.number) >= frame.tasks.size() || row.state == TaskState::Split) continue;
     Task& task = frame.tasks[static_cast<size_t>(row.number)];
     task.state = row.state;
-    task.digest = row.result.digest;
-    task.cpu_ns = row.result.cost.cpu_ns;
     task.error = row.error;
     --frame.unsettled;
-    if (row.state == TaskState::Done) {
-      ++frame.done;
-      frame.samples_done += task.area.samples();
-      frame.cpu_ns += row.result.cost.cpu_ns;
-      frame.add_health(row.number, row.result.health);
-    } else {
+    if (row.state == TaskState::Done)
+      frame.add_result(row.number, row.result, row.reused);
+    else
       ++frame.given_up;
-    }
   }
 }
 
@@ -221,6 +240,7 @@ bool Scheduler::extend(const std::string& id, int64_t samples) {
   const SampleRange round{job->spec.samples(), samples};
   job->spec.rounds.push_back(round);
   job->spec.settings.samples = samples;
+  if (job->spec.quote) job->spec.quote->extended = true;
   for (size_t i = 0; i < job->frames.size(); ++i) {
     Frame& frame = job->frames[i];
     append_round(*job, frame, round);
@@ -313,7 +333,10 @@ void add_times(const Frame& frame, Convergence& record) {
   double earlier = 0;
   for (const Task& task : frame.tasks) {
     if (task.state != TaskState::Done) continue;
-    if (task.cpu_ns == 0) earlier += static_cast<double>(task.area.samples());
+    if (task.reused) {
+      earlier += static_cast<double>(task.area.samples());
+      continue;
+    }
     for (ConvergencePoint& point : record.points)
       if (task.area.range.end <= point.samples) point.cpu_seconds += 1e-9 * static_cast<double>(task.cpu_ns);
   }
@@ -349,6 +372,7 @@ Progress Scheduler::progress(const Job&, const Frame& frame) const {
   p.samples_total = frame.samples_total;
   p.samples_done = frame.samples_done;
   p.worker_seconds = static_cast<double>(frame.cpu_ns) * 1e-9;
+  p.result_seconds = static_cast<double>(frame.result_cpu_ns) * 1e-9;
   return p;
 }
 
@@ -362,6 +386,7 @@ Progress Scheduler::progress(const Job& job, Time now) const {
     sum.samples_total += p.samples_total;
     sum.samples_done += p.samples_done;
     sum.worker_seconds += p.worker_seconds;
+    sum.result_seconds += p.result_seconds;
   }
   for (const auto& [id, lease] : leases_) {
     if (lease.task.job != job.spec.id) continue;

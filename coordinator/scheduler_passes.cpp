@@ -100,6 +100,7 @@ bool Scheduler::set_target(const std::string& id, const SamplingTarget& target, 
   job->spec.time_limit.reset();
   if (seconds) job->spec.time_limit = TimeLimit{*seconds};
   job->spec.settings.samples = target.max_samples;
+  if (job->spec.quote) job->spec.quote->extended = true;
   job->row.ended_unix_ms = 0;
   log(id, EventKind::Extended, {}, "", "",
       fmt::format("extended to a relative error of {}, {} samples per pixel at most", target.error, target.max_samples));

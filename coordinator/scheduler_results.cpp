@@ -47,6 +47,7 @@ OfferDecision Scheduler::offer(const Offer& offer, const std::string& worker_id,
   }
   ResultRecord result = offer.result;
   result.cost.samples = task->area.samples();
+  result.worker_id = worker_id;
   actions_.push_back(action::CommitTask{*ref, result, worker_id});
   return {OfferStatus::Pending, ""};
 }
@@ -68,18 +69,12 @@ void Scheduler::committed(const action::CommitTask& commit, Time now) {
   Task* task = task_of(commit.task);
   if (!task || task->state != TaskState::Committing) return;
   Frame& frame = *frame_of(commit.task);
-  task->digest = commit.result.digest;
-  task->cpu_ns = commit.result.cost.cpu_ns;
-  task->committed_by = commit.worker_id;
   // The winner's own lease ends by the verdict; the others are told.
   for (const std::string& id : std::vector<std::string>(task->leases))
     if (leases_.at(id).worker_id == commit.worker_id) end_lease(id, std::nullopt);
   settle(commit.task, TaskState::Done);
   --frame.unsettled;
-  ++frame.done;
-  frame.samples_done += task->area.samples();
-  frame.cpu_ns += commit.result.cost.cpu_ns;
-  frame.add_health(commit.task.number, commit.result.health);
+  frame.add_result(commit.task.number, commit.result, false);
   frame.durations.push_back(commit.result.cost.wall_ns);
   if (frame.durations.size() > 101) frame.durations.pop_front();
   job->recent.emplace_back(now, task->area.samples());
@@ -168,12 +163,9 @@ void Scheduler::frame_pinned(const action::PinFrame& pin, const std::vector<Sett
   for (const SettledTask& row : reused) {
     Task& task = frame.tasks[static_cast<size_t>(row.number)];
     if (task.state != TaskState::Open) continue;
-    task.digest = row.result.digest;
     settle({id, index, row.number}, TaskState::Done);
     --frame.unsettled;
-    ++frame.done;
-    frame.samples_done += task.area.samples();
-    frame.add_health(row.number, row.result.health);
+    frame.add_result(row.number, row.result, true);
   }
   if (!reused.empty())
     log(id, EventKind::TaskReused, frame.spec.header.frame, "", "", std::to_string(reused.size()) + " results were there already");
@@ -186,11 +178,8 @@ void Scheduler::reopen(const TaskRef& ref, const std::string& reason) {
   if (!task || task->state != TaskState::Done) return;
   Frame& frame = *frame_of(ref);
   task->state = TaskState::Open;
-  task->digest.clear();
   ++frame.unsettled;
-  --frame.done;
-  frame.samples_done -= task->area.samples();
-  frame.remove_health(ref.number);
+  frame.remove_result(ref.number);
   if (!has_ended(frame.row.state)) frame.row.state = FrameState::Running;
   job->first_unfinished = 0;
   requeue(ref);

@@ -54,6 +54,9 @@ const std::vector<std::vector<const char*>> kUpgrades{
      "alter table results add column majorant_violations bigint not null default 0",
      "alter table results add column truncated bigint not null default 0"},
     {"alter table jobs add column target text not null default ''", "alter table frames add column passes text not null default ''"},
+    {"alter table jobs add column quote text not null default ''", "alter table settled add column worker_id text not null default ''",
+     "alter table settled add column reused bigint not null default 0",
+     "alter table results add column worker_id text not null default ''"},
 };
 
 [[noreturn]] void refuse(const std::string& message) { throw std::runtime_error(message); }

@@ -28,7 +28,7 @@ class StoreSession {
 
   /// Nothing when its request id is taken: then returns false.
   bool insert_job(const JobSpec& spec);
-  /// Of the spec: rounds, target and time limit, which alone may change.
+  /// Of the spec: rounds, target, time limit and quote, which alone may change.
   void save_job(const JobSpec& spec, const JobRow& row);
   void save_frame(const std::string& job_id, int frame, const FrameRow& row);
   /// Compare-and-set: inserts the row of an open task and its result. False when the task is settled already, or is a part of

@@ -116,15 +116,15 @@ constexpr Integer kAttemptsKept = 20;
 
 bool StoreSession::insert_job(const JobSpec& spec) {
   const std::string settings = to_json(rpc::to_wire(spec.settings, spec.tile_size)), rounds = rounds_text(spec.rounds),
-                    target = target_text(spec);
+                    target = target_text(spec), quote = quote_text(spec.quote);
   const Integer tile = spec.tile_size, length = spec.range_length, priority = spec.priority, submitted = spec.submitted_unix_ms;
-  const Integer inserted = affected((
-      sql_.prepare
-          << "insert into jobs (job_id, request_id, request_digest, name, settings, tile_size, range_length, rounds, priority,"
-             " submitted_ms, state, reason, paused, ended_ms, last_event, target)"
-             " values (:id, :rid, :rd, :name, :settings, :tile, :length, :rounds, :prio, :sub, 0, '', 0, 0, 0, :ta) on conflict do nothing",
-      use(spec.id), use(spec.request_id), use(spec.request_digest), use(spec.name), use(settings), use(tile), use(length), use(rounds),
-      use(priority), use(submitted), use(target)));
+  const Integer inserted = affected(
+      (sql_.prepare << "insert into jobs (job_id, request_id, request_digest, name, settings, tile_size, range_length, rounds, priority,"
+                       " submitted_ms, state, reason, paused, ended_ms, last_event, target, quote)"
+                       " values (:id, :rid, :rd, :name, :settings, :tile, :length, :rounds, :prio, :sub, 0, '', 0, 0, 0, :ta, :qu) on "
+                       "conflict do nothing",
+       use(spec.id), use(spec.request_id), use(spec.request_digest), use(spec.name), use(settings), use(tile), use(length), use(rounds),
+       use(priority), use(submitted), use(target), use(quote)));
   if (inserted != 1) return false;
   Integer index = 0;
   for (const FrameSpec& frame : spec.frames) {
@@ -140,9 +140,9 @@ bool StoreSession::insert_job(const JobSpec& spec) {
 
 void StoreSession::save_job(const JobSpec& spec, const JobRow& row) {
   const Integer state = static_cast<int>(row.state), paused = row.paused, ended = row.ended_unix_ms;
-  const std::string ends = rounds_text(spec.rounds), aim = target_text(spec);
-  sql_ << "update jobs set state = :s, reason = :r, paused = :p, ended_ms = :e, rounds = :ro, target = :ta where job_id = :id", use(state),
-      use(row.reason), use(paused), use(ended), use(ends), use(aim), use(spec.id);
+  const std::string ends = rounds_text(spec.rounds), aim = target_text(spec), quote = quote_text(spec.quote);
+  sql_ << "update jobs set state = :s, reason = :r, paused = :p, ended_ms = :e, rounds = :ro, target = :ta, quote = :qu where job_id = :id",
+      use(state), use(row.reason), use(paused), use(ended), use(ends), use(aim), use(quote), use(spec.id);
 }
 
 void StoreSession::save_frame(const std::string& job_id, int frame, const FrameRow& row) {
@@ -169,23 +169,25 @@ bool StoreSession::commit_task(const TaskRef& task, int64_t parent, const Result
   if (!settle_task(task, row)) return false;
   const Integer bytes = result.bytes, cpu = result.cost.cpu_ns, wall = result.cost.wall_ns, samples = result.cost.samples;
   const HealthColumns health(result.health);
-  sql_ << "insert into results (result_key, digest, bytes, cpu_ns, wall_ns, samples, nonfinite, clamped, majorant_violations, truncated)"
-          " values (:k, :d, :b, :c, :w, :s, :nf, :cl, :mv, :tr) on conflict do nothing",
+  sql_ << "insert into results (result_key, digest, bytes, cpu_ns, wall_ns, samples, nonfinite, clamped, majorant_violations, truncated,"
+          " worker_id) values (:k, :d, :b, :c, :w, :s, :nf, :cl, :mv, :tr, :wo) on conflict do nothing",
       use(result.key), use(result.digest), use(bytes), use(cpu), use(wall), use(samples), use(health.nonfinite), use(health.clamped),
-      use(health.majorant_violations), use(health.truncated);
+      use(health.majorant_violations), use(health.truncated), use(result.worker_id);
   return true;
 }
 
 bool StoreSession::settle_task(const TaskRef& task, const SettledTask& row) {
   const Integer frame = task.frame, number = task.number, state = static_cast<int>(row.state), bytes = row.result.bytes;
   const Integer cpu = row.result.cost.cpu_ns, wall = row.result.cost.wall_ns, samples = row.result.cost.samples, first = row.first_part;
+  const Integer reused = row.reused;
   const HealthColumns health(row.result.health);
   return affected((sql_.prepare << "insert into settled (job_id, frame, number, state, result_key, digest, bytes, cpu_ns, wall_ns, samples,"
-                                   " first_part, error, nonfinite, clamped, majorant_violations, truncated)"
-                                   " values (:j, :f, :n, :s, :k, :d, :b, :c, :w, :sa, :fp, :e, :nf, :cl, :mv, :tr) on conflict do nothing",
+                                   " first_part, error, nonfinite, clamped, majorant_violations, truncated, worker_id, reused)"
+                                   " values (:j, :f, :n, :s, :k, :d, :b, :c, :w, :sa, :fp, :e, :nf, :cl, :mv, :tr, :wo, :re)"
+                                   " on conflict do nothing",
                    use(task.job), use(frame), use(number), use(state), use(row.result.key), use(row.result.digest), use(bytes), use(cpu),
                    use(wall), use(samples), use(first), use(row.error), use(health.nonfinite), use(health.clamped),
-                   use(health.majorant_violations), use(health.truncated))) == 1;
+                   use(health.majorant_violations), use(health.truncated), use(row.result.worker_id), use(reused))) == 1;
 }
 
 void StoreSession::reopen_task(const TaskRef& task, const std::string& result_key) {
@@ -200,10 +202,10 @@ std::optional<ResultRecord> StoreSession::find_result(const std::string& key) {
   result.key = key;
   Integer bytes = 0, cpu = 0, wall = 0, samples = 0;
   HealthColumns health({});
-  sql_ << "select digest, bytes, cpu_ns, wall_ns, samples, nonfinite, clamped, majorant_violations, truncated from results"
+  sql_ << "select digest, bytes, cpu_ns, wall_ns, samples, nonfinite, clamped, majorant_violations, truncated, worker_id from results"
           " where result_key = :k",
       use(key), into(result.digest), into(bytes), into(cpu), into(wall), into(samples), into(health.nonfinite), into(health.clamped),
-      into(health.majorant_violations), into(health.truncated);
+      into(health.majorant_violations), into(health.truncated), into(result.worker_id);
   if (!sql_.got_data()) return std::nullopt;
   result.bytes = bytes;
   result.cost = {cpu, wall, samples};
@@ -308,7 +310,7 @@ std::vector<RecoveredJob> StoreSession::load_jobs() {
   std::map<std::string, size_t> index;
   const soci::rowset<soci::row> job_rows =
       (sql_.prepare << "select job_id, request_id, request_digest, name, settings, tile_size, range_length, rounds, priority, submitted_ms,"
-                       " state, reason, paused, ended_ms, last_event, target from jobs order by submitted_ms, job_id");
+                       " state, reason, paused, ended_ms, last_event, target, quote from jobs order by submitted_ms, job_id");
   for (const soci::row& r : job_rows) {
     RecoveredJob job;
     job.spec.id = r.get<std::string>(0);
@@ -320,6 +322,7 @@ std::vector<RecoveredJob> StoreSession::load_jobs() {
     job.spec.range_length = r.get<Integer>(6);
     job.spec.rounds = parse_rounds(r.get<std::string>(7));
     parse_target(r.get<std::string>(15), job.spec);
+    job.spec.quote = parse_quote(r.get<std::string>(16));
     job.spec.settings.samples = job.spec.target ? job.spec.target->max_samples : job.spec.samples();
     job.spec.priority = static_cast<int>(r.get<Integer>(8));
     job.spec.submitted_unix_ms = r.get<Integer>(9);
@@ -352,7 +355,7 @@ std::vector<RecoveredJob> StoreSession::load_jobs() {
   const soci::rowset<soci::row> settled_rows =
       (sql_.prepare
        << "select job_id, frame, number, state, result_key, digest, bytes, cpu_ns, wall_ns, samples, first_part, error, nonfinite,"
-          " clamped, majorant_violations, truncated from settled order by job_id, frame, number");
+          " clamped, majorant_violations, truncated, worker_id, reused from settled order by job_id, frame, number");
   for (const soci::row& r : settled_rows) {
     SettledTask task;
     task.frame = static_cast<int>(r.get<Integer>(1));
@@ -362,7 +365,9 @@ std::vector<RecoveredJob> StoreSession::load_jobs() {
                    r.get<std::string>(5),
                    r.get<Integer>(6),
                    {r.get<Integer>(7), r.get<Integer>(8), r.get<Integer>(9)},
-                   {r.get<Integer>(12), r.get<Integer>(13), r.get<Integer>(14), r.get<Integer>(15)}};
+                   {r.get<Integer>(12), r.get<Integer>(13), r.get<Integer>(14), r.get<Integer>(15)},
+                   r.get<std::string>(16)};
+    task.reused = r.get<Integer>(17) != 0;
     task.first_part = r.get<Integer>(10);
     task.error = r.get<std::string>(11);
     jobs.at(index.at(r.get<std::string>(0))).settled.push_back(std::move(task));

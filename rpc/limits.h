@@ -29,7 +29,7 @@ inline constexpr size_t kMaxSettingBytes = 4096;
 inline constexpr size_t kMaxListBytes = 512;  ///< of words separated by commas
 inline constexpr int kMaxSetParameters = 32;
 inline constexpr size_t kMaxSetBytes = 4096;
-inline constexpr int kMaxDirections = 1024;   ///< that a path may branch into
+inline constexpr int kMaxDirections = 1024;  ///< that a path may branch into
 inline constexpr size_t kMaxNameBytes = 200;
 inline constexpr size_t kMaxIdBytes = 64;
 inline constexpr size_t kMaxBuildBytes = 256;
@@ -38,6 +38,8 @@ inline constexpr size_t kMaxLogExcerptBytes = 16 << 10;
 inline constexpr size_t kMaxSyncListItems = 1024;
 inline constexpr uint32_t kMaxSlots = 256;
 inline constexpr int32_t kMaxPriority = 100;
+inline constexpr double kMaxQuotedError = 1e6;
+inline constexpr double kMaxQuotedSeconds = 1e15;
 
 /// How long the coordinator holds a Sync at most, and the deadline that a worker gives it.
 inline constexpr std::chrono::milliseconds kSyncHold{10'000};

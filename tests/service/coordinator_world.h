@@ -148,6 +148,8 @@ class CoordinatorWorld {
           offer->set_result_key(grant.task().result_key());
           offer->set_result_digest(rpc::blob_digest(tile));
           offer->set_bytes(static_cast<int64_t>(tile.size()));
+          offer->mutable_cost()->set_cpu_ns(kTaskCpu);
+          offer->mutable_cost()->set_wall_ns(kTaskWall);
           offered = id;
         } else {
           v1::LeaseReport* lease = request.add_leases();
@@ -182,6 +184,7 @@ class CoordinatorWorld {
     return {};
   }
 
+  static constexpr int64_t kTaskCpu = 30'000'000, kTaskWall = 40'000'000;  ///< what each task costs, ns
   std::atomic<Time> now{1000 * kSecond};
   uint64_t sequence = 0, incarnation = 1;
   std::unique_ptr<Coordinator> coordinator;

@@ -105,6 +105,10 @@ TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
       for (const std::string column : {"nonfinite", "clamped", "majorant_violations", "truncated"})
         sql << "alter table " + table + " drop column " + column;
     sql << "alter table jobs drop column target";
+    sql << "alter table jobs drop column quote";
+    sql << "alter table settled drop column worker_id";
+    sql << "alter table settled drop column reused";
+    sql << "alter table results drop column worker_id";
     sql << "alter table frames drop column passes";
     sql << "update schema_version set version = 1";
   }
@@ -113,6 +117,9 @@ TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
     const std::vector<RecoveredJob> jobs = store.read([](StoreSession& s) { return s.load_jobs(); });
     EXPECT_EQ(jobs.at(0).settled.at(0).result.digest, std::string(64, 'd'));
     EXPECT_FALSE(jobs.at(0).settled.at(0).result.health.any());
+    EXPECT_FALSE(jobs.at(0).spec.quote.has_value());
+    EXPECT_EQ(jobs.at(0).settled.at(0).result.worker_id, "");
+    EXPECT_FALSE(jobs.at(0).settled.at(0).reused);
   }
 }
 
