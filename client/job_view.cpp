@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cctype>
 
+#include "client/quote_record.h"
+
 namespace woodcock {
 namespace {
 
@@ -26,6 +28,7 @@ json progress_json(const v1::Progress& progress) {
            {"samples_done", progress.samples_done()},
            {"samples_in_flight", progress.samples_in_flight()},
            {"worker_seconds", progress.worker_seconds()},
+           {"result_seconds", progress.result_seconds()},
            {"samples_per_second", progress.samples_per_second()}};
   if (progress.has_eta_seconds()) out["eta_seconds"] = progress.eta_seconds();
   return out;
@@ -116,6 +119,8 @@ json job_json(const v1::Job& job) {
     out["target"] = {{"error", job.target().error()}, {"max_samples", job.target().max_samples()}};
     if (job.target().max_seconds() > 0) out["target"]["max_seconds"] = job.target().max_seconds();
   }
+  if (job.has_quote()) out["quote"] = quote_json(job.quote());
+  if (job.has_quote_outcome()) out["quote_outcome"] = outcome_json(job);
   if (job.frames_size() > 0) {
     out["frames"] = json::array();
     for (const v1::FrameStatus& frame : job.frames()) out["frames"].push_back(frame_json(frame));

@@ -11,6 +11,7 @@
 #include "client/health.h"
 #include "client/job_view.h"
 #include "client/progress_line.h"
+#include "client/quote_record.h"
 #include "client/service.h"
 #include "client/watch_job.h"
 
@@ -55,6 +56,9 @@ void print_job(const v1::Job& job) {
   fmt::print("tasks     {} of {} done, {} leased, {} given up\n", progress.tasks_done(), progress.tasks_total(), progress.tasks_leased(),
              progress.tasks_failed());
   fmt::print("cost      {} of processor time so far\n", format_seconds(progress.worker_seconds()));
+  if (job.has_quote()) fmt::print("quote     {}\n", quote_line(job.quote()));
+  if (job.has_quote() && !job.quote().uncertain().empty()) fmt::print("          uncertain: {}\n", job.quote().uncertain());
+  if (job.has_quote_outcome()) fmt::print("became    {}\n", outcome_line(job));
   if (progress.has_eta_seconds()) fmt::print("left      about {}\n", format_seconds(progress.eta_seconds()));
   for (const v1::FrameStatus& frame : job.frames()) {
     fmt::print("frame {:<4}{}", frame.frame(), state_name(frame.state()));
@@ -79,30 +83,35 @@ void report(const v1::Job& job, bool json) {
     fmt::print("job {} is {}\n", job.job_id(), state_name(job.state()));
 }
 
-int list(const JobOptions& options) {
-  Service service(options.service);
-  nlohmann::json all = nlohmann::json::array();
+/// All jobs, newest first, without their frames.
+std::vector<v1::Job> list_jobs(Service& service) {
+  std::vector<v1::Job> jobs;
   v1::ListJobsRequest request;
   request.set_page_size(1000);
-  bool header = false;
   do {
     v1::ListJobsResponse response;
     service.call(&v1::JobsService::Stub::ListJobs, request, response, "listing the jobs");
-    for (const v1::Job& job : response.jobs()) {
-      all.push_back(job_json(job));
-      if (options.json) continue;
-      if (!std::exchange(header, true))
-        fmt::print("{:<26} {:<11} {:>7} {:>7} {:>6}  {}\n", "JOB", "STATE", "DONE", "FRAMES", "SPP", "NAME");
-      fmt::print("{:<26} {:<11} {:>6.1f}% {:>7} {:>6}  {}\n", job.job_id(), state_name(job.state()), percent(job.progress()),
-                 job.frame_count(), job.settings().samples(), job.name());
-    }
+    jobs.insert(jobs.end(), response.jobs().begin(), response.jobs().end());
     request.set_page_token(response.next_page_token());
   } while (!request.page_token().empty());
-  if (options.json)
+  return jobs;
+}
+
+void print_jobs(const std::vector<v1::Job>& jobs, bool json) {
+  if (json) {
+    nlohmann::json all = nlohmann::json::array();
+    for (const v1::Job& job : jobs) all.push_back(job_json(job));
     fmt::print("{}\n", nlohmann::json{{"jobs", all}}.dump(2));
-  else if (all.empty())
+    return;
+  }
+  if (jobs.empty()) {
     fmt::print("no jobs yet: woodcock submit SCENE\n");
-  return 0;
+    return;
+  }
+  fmt::print("{:<26} {:<11} {:>7} {:>7} {:>6}  {}\n", "JOB", "STATE", "DONE", "FRAMES", "SPP", "NAME");
+  for (const v1::Job& job : jobs)
+    fmt::print("{:<26} {:<11} {:>6.1f}% {:>7} {:>6}  {}\n", job.job_id(), state_name(job.state()), percent(job.progress()),
+               job.frame_count(), job.settings().samples(), job.name());
 }
 
 /// One call that answers with the job.
@@ -119,12 +128,23 @@ int act(const JobOptions& options, Method method, Request request, const std::st
 }  // namespace
 
 void add_jobs_command(CLI::App& app, int& code) {
+  struct Options : JobOptions {
+    bool quotes = false;
+  };
   auto* command = app.add_subcommand("jobs", "List the coordinator's jobs, newest first");
-  auto options = std::make_shared<JobOptions>();
+  auto options = std::make_shared<Options>();
   add_service_options(*command, options->service);
+  command->add_flag("--quotes", options->quotes, "Those that were submitted with --quote: what they were said to cost, what they cost");
   command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
-  command->footer("Example:\n  woodcock jobs");
-  command->callback([options, &code] { code = list(*options); });
+  command->footer("Examples:\n  woodcock jobs\n  woodcock jobs --quotes         how good the quotes were");
+  command->callback([options, &code] {
+    Service service(options->service);
+    if (options->quotes)
+      print_quote_record(list_jobs(service), options->json);
+    else
+      print_jobs(list_jobs(service), options->json);
+    code = 0;
+  });
 }
 
 void add_show_command(CLI::App& app, int& code) {

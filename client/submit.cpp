@@ -10,8 +10,10 @@
 #include "client/fetch_frames.h"
 #include "client/frame_options.h"
 #include "client/health.h"
+#include "client/interrupt.h"
 #include "client/job_view.h"
 #include "client/quote.h"
+#include "client/quote_record.h"
 #include "client/service.h"
 #include "client/submission.h"
 #include "client/watch_job.h"
@@ -25,7 +27,9 @@ struct SubmitOptions {
   TargetOptions target;
   std::string scene, output, frames, name;
   int priority = 0, tile = 0;
-  bool watch = false, json = false, dry_run = false;
+  bool watch = false, json = false;
+  bool dry_run = false, here = false, quote = false;
+  QuoteRun quote_run;
 };
 
 /// "A-B" or "A" as numbers, both included; throws CLI::ValidationError.
@@ -43,21 +47,19 @@ std::pair<uint64_t, uint64_t> parse_frames(const std::string& text) {
   return {first, last};
 }
 
-/// What the job, or the first of its frames, would cost. Nothing is sent.
-int quote_instead(const SubmitOptions& options, uint64_t first) {
-  QuoteRun quote;
-  quote.scene = options.frames.empty() ? options.scene : with_frame_number(options.scene, first);
-  quote.settings = options.settings;
-  quote.settings.frame = first;
-  quote.error = options.target.error;
-  quote.json = options.json;
-  return run_quote(quote);
+/// The quote of the job's first frame.
+QuoteRun quote_run(const SubmitOptions& options, uint64_t first) {
+  QuoteRun run = options.quote_run;
+  run.scene = options.frames.empty() ? options.scene : with_frame_number(options.scene, first);
+  run.settings = options.settings;
+  run.settings.frame = first;
+  run.error = options.target.error;
+  run.json = options.json;
+  return run;
 }
 
-int run(const SubmitOptions& options) {
-  const auto [first, last] = parse_frames(options.frames);
-  if (options.dry_run) return quote_instead(options, first);
-  check_output(options.output, static_cast<int64_t>(last - first + 1));
+/// The frames and what is asked of them; nothing is sent yet.
+Submission prepare(const SubmitOptions& options, uint64_t first, uint64_t last) {
   Submission submission;
   submission.request.set_request_id(random_request_id());
   submission.request.set_name(options.name.empty() ? options.scene.substr(options.scene.find_last_of('/') + 1) : options.name);
@@ -73,14 +75,43 @@ int run(const SubmitOptions& options) {
     submission.request.mutable_target()->set_max_samples(target.max_samples);
     submission.request.mutable_target()->set_max_seconds(options.target.max_seconds.value_or(0));
   }
+  return submission;
+}
 
+/// Puts the job's quote into its request. The job is wanted, with a quote or without.
+void add_quote(const QuoteRun& run, Service& service, Submission& submission) {
+  try {
+    const v1::Quote quote = to_wire(make_quote(run, service, submission));
+    if (!run.json) fmt::print(stderr, "quote     {}\n", quote_line(quote));
+    *submission.request.mutable_quote() = quote;
+  } catch (const NoQuote& reason) {
+    if (interrupt_flag()) throw;
+    fmt::print(stderr, "warning: {}; the job is submitted without one\n", reason.what());
+  }
+}
+
+int run(const SubmitOptions& options) {
+  const auto [first, last] = parse_frames(options.frames);
+  const QuoteRun quoted = quote_run(options, first);
+  if (options.dry_run && options.here) {
+    print_quote(quoted, make_quote(quoted));
+    return 0;
+  }
+  if (!options.dry_run) check_output(options.output, static_cast<int64_t>(last - first + 1));
+  Submission submission = prepare(options, first, last);
   Service service(options.service);
+  if (options.dry_run) {
+    print_quote(quoted, make_quote(quoted, service, submission));
+    return 0;
+  }
+  if (options.quote) add_quote(quoted, service, submission);
   const int64_t uploaded = upload_missing(service, submission, options.json);
   v1::SubmitJobResponse response;
   service.call(&v1::JobsService::Stub::SubmitJob, submission.request, response, "submitting the job");
   const std::string& id = response.job_id();
 
   nlohmann::json report{{"job_id", id}, {"uploaded_bytes", uploaded}, {"frames", last - first + 1}};
+  if (submission.request.has_quote()) report["quote"] = quote_json(submission.request.quote());
   const bool follow = options.watch || !options.output.empty();
   if (!options.json && !follow) {
     fmt::print("{}\n", id);
@@ -94,6 +125,7 @@ int run(const SubmitOptions& options) {
     if (!job) return 1;
     code = exit_code(job->state());
     report["job"] = job_json(*job);
+    if (!options.json && job->has_quote_outcome()) fmt::print(stderr, "became    {}\n", outcome_line(*job));
     if (code == 1) {
       if (!options.json) fmt::print(stderr, "job {} is {}: {}\n", id, state_name(job->state()), job->state_reason());
     } else if (!options.output.empty()) {
@@ -136,7 +168,12 @@ void add_submit_command(CLI::App& app, int& code) {
       ->check(CLI::IsMember({0, 8, 16, 32, 64, 128, 256, 512, 1024}))
       ->capture_default_str();
   command->add_flag("--dry-run", options->dry_run,
-                    "Send nothing: quote the samples and time of the job, or of its first frame, from a pilot on this machine");
+                    "No job: quote its samples and time on the coordinator's present workers, from a pilot here and a small one there");
+  command->add_flag("--here", options->here, "With --dry-run: quote for this machine; nothing is sent")->needs("--dry-run");
+  command
+      ->add_flag("--quote", options->quote, "Quote the job first, as --dry-run does, and keep the quote with it: `woodcock show` compares")
+      ->excludes("--dry-run");
+  add_quote_options(*command, options->quote_run);
   command->add_flag("--watch", options->watch, "Show progress until the job has ended");
   command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
   command->footer(
@@ -144,6 +181,8 @@ void add_submit_command(CLI::App& app, int& code) {
       "  woodcock submit scenes/cloud.pbrt --spp 256 -o cloud.exr       wait for the image\n"
       "  woodcock submit scenes/cloud.pbrt --spp 256                    prints the job's id and returns\n"
       "  woodcock submit scenes/cloud.pbrt --target-error 2% --max-time 5min -o cloud.exr\n"
+      "  woodcock submit scenes/cloud.pbrt --spp 256 --dry-run          what that would cost the workers\n"
+      "  woodcock submit scenes/cloud.pbrt --spp 256 --quote            the same, kept with the job\n"
       "  woodcock submit shot.####.pbrt --frames 1-24 -o shot.####.exr  a sequence\n"
       "The image is the one that `woodcock render` makes, to the bit.\n"
       "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the job ended with parts missing.");

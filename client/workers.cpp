@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/commands.h"
+#include "client/worker_times.h"
 
 namespace woodcock {
 namespace {
@@ -68,8 +69,6 @@ std::vector<v1::WorkerStatus> list_workers(Service& service) {
   } while (!request.page_token().empty());
   return workers;
 }
-
-int64_t render_threads(const v1::WorkerStatus& worker) { return int64_t{worker.slots()} * worker.threads(); }
 
 void add_workers_command(CLI::App& app, int& code) {
   struct Options {

@@ -11,7 +11,4 @@ namespace woodcock {
 /// All that are connected, by id. Throws rpc::RpcError.
 std::vector<v1::WorkerStatus> list_workers(Service& service);
 
-/// Threads that render at once: slots × threads of each.
-int64_t render_threads(const v1::WorkerStatus& worker);
-
 }  // namespace woodcock
