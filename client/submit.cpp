@@ -83,6 +83,9 @@ void add_quote(const QuoteRun& run, Service& service, Submission& submission) {
   try {
     const v1::Quote quote = to_wire(make_quote(run, service, submission));
     if (!run.json) fmt::print(stderr, "quote     {}\n", quote_line(quote));
+    if (quote.relative_error() > rpc::kMaxQuotedError || quote.samples_high() > rpc::kMaxSamplesPerPixel ||
+        quote.cpu_seconds_high() > rpc::kMaxQuotedSeconds || quote.seconds_high() > rpc::kMaxQuotedSeconds)
+      throw NoQuote("no quote is kept: it is beyond any job's bounds");
     *submission.request.mutable_quote() = quote;
   } catch (const NoQuote& reason) {
     if (interrupt_flag()) throw;

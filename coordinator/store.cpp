@@ -56,6 +56,8 @@ const std::vector<std::vector<const char*>> kUpgrades{
     {"alter table jobs add column target text not null default ''", "alter table frames add column passes text not null default ''"},
     {"alter table jobs add column quote text not null default ''", "alter table settled add column worker_id text not null default ''",
      "alter table settled add column reused bigint not null default 0",
+     // Until now what an earlier job rendered was kept without its cost.
+     "update settled set reused = 1 where state = 2 and cpu_ns = 0",
      "alter table results add column worker_id text not null default ''"},
 };
 

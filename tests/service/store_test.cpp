@@ -98,6 +98,9 @@ TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
   {
     Store store(options(folder.path));
     store.read([](StoreSession& s) { return s.insert_job(test_job("j1")) && s.commit_task({"j1", 0, 3}, -1, result('d')); });
+    SettledTask of_another_job;
+    of_another_job.result.digest = std::string(64, 'e');
+    store.read([&](StoreSession& s) { return s.settle_task({"j1", 0, 4}, of_another_job); });
   }
   {
     soci::session sql(soci::sqlite3, "db=" + folder.path + "/woodcock.sqlite");
@@ -120,6 +123,7 @@ TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
     EXPECT_FALSE(jobs.at(0).spec.quote.has_value());
     EXPECT_EQ(jobs.at(0).settled.at(0).result.worker_id, "");
     EXPECT_FALSE(jobs.at(0).settled.at(0).reused);
+    EXPECT_TRUE(jobs.at(0).settled.at(1).reused) << "such a row had no cost";
   }
 }
 
