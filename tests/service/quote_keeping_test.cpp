@@ -34,7 +34,7 @@ std::string submit(CoordinatorWorld& world, const std::string& request_id, bool 
   return world.coordinator->submit(request).job_id();
 }
 
-TEST(Quotes, AreKeptToTheLastBitOverARestart) {
+TEST(KeptQuotes, AreKeptToTheLastBitOverARestart) {
   const TemporaryFolder folder;
   CoordinatorWorld world(folder.path);
   const std::string id = submit(world, "r1");
@@ -49,7 +49,7 @@ TEST(Quotes, AreKeptToTheLastBitOverARestart) {
   }
 }
 
-TEST(Quotes, BecomeWhatTheJobTookAlsoAfterARestart) {
+TEST(KeptQuotes, BecomeWhatTheJobTookAlsoAfterARestart) {
   const TemporaryFolder folder;
   CoordinatorWorld world(folder.path);
   const std::string id = submit(world, "r1");
@@ -78,7 +78,7 @@ TEST(Quotes, BecomeWhatTheJobTookAlsoAfterARestart) {
   EXPECT_TRUE(world.coordinator->job(id).quote_outcome().extended());
 }
 
-TEST(Quotes, CountTheCostOfResultsThatWereThereAlready) {
+TEST(KeptQuotes, CountTheCostOfResultsThatWereThereAlready) {
   const TemporaryFolder folder;
   CoordinatorWorld world(folder.path);
   const std::string first = submit(world, "r1", false);
@@ -110,7 +110,7 @@ TEST(Quotes, CountTheCostOfResultsThatWereThereAlready) {
   }
 }
 
-TEST(Quotes, AResultThatIsRenderedAgainCountsOnce) {
+TEST(KeptQuotes, AResultThatIsRenderedAgainCountsOnce) {
   const TemporaryFolder folder;
   CoordinatorWorld world(folder.path);
   const std::string id = submit(world, "r1");
@@ -129,7 +129,7 @@ TEST(Quotes, AResultThatIsRenderedAgainCountsOnce) {
   EXPECT_NEAR(job.quote_outcome().cpu_seconds(), 4 * 0.03, 1e-12) << "what the picture costs";
 }
 
-TEST(Quotes, ResultsAreListedInPagesWithoutLossOrRepetition) {
+TEST(KeptQuotes, ResultsAreListedInPagesWithoutLossOrRepetition) {
   const TemporaryFolder folder;
   CoordinatorWorld world(folder.path);
   const std::string id = submit(world, "r1");
@@ -150,7 +150,7 @@ TEST(Quotes, ResultsAreListedInPagesWithoutLossOrRepetition) {
   EXPECT_THROW(world.coordinator->results("nojob", 3, ""), rpc::RpcError);
 }
 
-TEST(Quotes, F22HostileOnesAreRefusedByField) {
+TEST(KeptQuotes, F22HostileOnesAreRefusedByField) {
   const TemporaryFolder folder;
   CoordinatorWorld world(folder.path);
   const auto refusal = [&](const std::function<void(v1::Quote&)>& spoil) -> std::string {
