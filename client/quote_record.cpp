@@ -15,8 +15,17 @@ using nlohmann::json;
 struct Totals {
   int finished = 0, samples_held = 0, cpu_held = 0, both_held = 0;
   int uncertain = 0;  ///< of those that did not hold
-  int unfinished = 0, extended = 0, unknown = 0;
+  int unfinished = 0, extended = 0, ended_early = 0, unknown = 0;
 };
+
+/// A limit of samples or of time ended the job before it was where the quote is.
+bool ended_early(const v1::Job& job) {
+  if (!job.has_target()) return false;
+  const v1::QuoteOutcome& outcome = job.quote_outcome();
+  // The coordinator sums in another order: the last digits may differ.
+  if (job.target().error() > 0) return outcome.relative_error() > job.target().error() * (1 + 1e-5);
+  return outcome.samples() < static_cast<double>(job.quote().samples()) - 0.5;
+}
 
 Totals total(const std::vector<v1::Job>& jobs) {
   Totals t;
@@ -32,6 +41,8 @@ Totals total(const std::vector<v1::Job>& jobs) {
       t.cpu_held += verdict->cpu_hold;
       t.both_held += both;
       t.uncertain += !both && !job.quote().uncertain().empty();
+    } else if (job.quote_outcome().has_relative_error()) {
+      ++t.ended_early;
     } else {
       ++t.unknown;
     }
@@ -41,7 +52,8 @@ Totals total(const std::vector<v1::Job>& jobs) {
 
 std::string why_not_compared(const v1::Job& job) {
   if (!job.has_quote_outcome()) return state_name(job.state());
-  return job.quote_outcome().extended() ? "extended since" : "its error is not known";
+  if (job.quote_outcome().extended()) return "extended since";
+  return job.quote_outcome().has_relative_error() ? "ended by a limit" : "its error is not known";
 }
 
 json totals_json(const Totals& t) {
@@ -52,6 +64,7 @@ json totals_json(const Totals& t) {
           {"failed_though_uncertain", t.uncertain},
           {"not_done", t.unfinished},
           {"extended", t.extended},
+          {"ended_by_a_limit", t.ended_early},
           {"error_unknown", t.unknown},
           {"samples_tolerance", kQuoteTolerance},
           {"cpu_tolerance", kQuoteTimeTolerance}};
@@ -75,7 +88,7 @@ void print_row(const v1::Job& job) {
 std::optional<QuoteVerdict> judge_quote(const v1::Job& job) {
   if (!job.has_quote() || !job.has_quote_outcome()) return std::nullopt;
   const v1::QuoteOutcome& outcome = job.quote_outcome();
-  if (outcome.extended() || !outcome.has_relative_error()) return std::nullopt;
+  if (outcome.extended() || !outcome.has_relative_error() || ended_early(job)) return std::nullopt;
   QuoteVerdict verdict;
   const double ratio = outcome.relative_error() / job.quote().relative_error();
   verdict.samples_needed = outcome.samples() * ratio * ratio;
@@ -106,6 +119,8 @@ std::string outcome_line(const v1::Job& job) {
                         100 * verdict->samples_off);
   else if (outcome.extended())
     line += "; extended since its quote: the two cannot be compared";
+  else if (outcome.has_relative_error())
+    line += "; ended by a limit before it was where the quote is";
   return line;
 }
 
@@ -159,8 +174,9 @@ void print_quote_record(const std::vector<v1::Job>& jobs, bool as_json) {
   fmt::print("{} of {} finished quotes held: samples within ±{:.0f} % in {}, CPU time within ±{:.0f} % in {}\n", t.both_held, t.finished,
              100 * kQuoteTolerance, t.samples_held, 100 * kQuoteTimeTolerance, t.cpu_held);
   if (t.both_held < t.finished) fmt::print("{} of the {} others had said that they are uncertain\n", t.uncertain, t.finished - t.both_held);
-  if (t.unfinished + t.extended + t.unknown > 0)
-    fmt::print("not counted: {} not done, {} extended since, {} whose error is not known\n", t.unfinished, t.extended, t.unknown);
+  if (t.unfinished + t.extended + t.ended_early + t.unknown > 0)
+    fmt::print("not counted: {} not done, {} extended since, {} ended by a limit, {} whose error is not known\n", t.unfinished, t.extended,
+               t.ended_early, t.unknown);
 }
 
 }  // namespace woodcock

@@ -22,7 +22,7 @@ struct QuoteVerdict {
   bool samples_hold = false, cpu_hold = false;
 };
 
-/// Absent where the job is not done, was extended since its quote, or does not know its error.
+/// Absent where the job is not done, was extended since its quote, was ended by a limit before its target, or does not know its error.
 std::optional<QuoteVerdict> judge_quote(const v1::Job& job);
 
 /// "2 % from 412 samples (390 to 436), 12.3 s of CPU time (11.1 s to 13.6 s), 6.2 s on 2 threads of 2 workers".

@@ -191,8 +191,9 @@ void add_submit_command(CLI::App& app, int& code) {
       "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the job ended with parts missing.");
   command->callback([options, &code] {
     settle_targets(options->target, options->settings);
-    if (options->dry_run && options->target.max_seconds && !options->target.error && !options->settings.samples)
-      throw CLI::ValidationError("--dry-run", "a limit of time alone costs that time: give --target-error or --spp");
+    if ((options->dry_run || options->quote) && options->target.max_seconds && !options->target.error && !options->settings.samples)
+      throw CLI::ValidationError(options->quote ? "--quote" : "--dry-run",
+                                 "a limit of time alone costs that time: give --target-error or --spp");
     // The coordinator's limit is the job's number of samples.
     if (options->target.adaptive()) options->settings.samples = sampling_target(options->target).max_samples;
     code = run(*options);

@@ -55,7 +55,7 @@ bool ServiceSweep::finish(const SweepRun& run, const SweepStore& store, RunRecor
   service_.call(&v1::JobsService::Stub::GetFrame, request, response, "asking for the picture of " + run.id, std::chrono::minutes(10));
   const std::string name = nodes_name(run, run.samples);
   rpc::download_file(service_.blobs(), response.image_digest(), store.picture(name).string());
-  record.cpu_seconds = job->progress().worker_seconds();
+  record.cpu_seconds = job->progress().result_seconds();
   add_point(run, store, record, name, measure);
   return true;
 }

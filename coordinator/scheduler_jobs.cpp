@@ -243,10 +243,13 @@ bool Scheduler::extend(const std::string& id, int64_t samples) {
   if (job->spec.quote) job->spec.quote->extended = true;
   for (size_t i = 0; i < job->frames.size(); ++i) {
     Frame& frame = job->frames[i];
+    const bool idle = frame.unsettled == 0;
     append_round(*job, frame, round);
     frame.row.state = FrameState::Running;
     frame.row.reason.clear();
     actions_.push_back(action::SaveFrame{id, static_cast<int>(i)});
+    // What is looked up may not be rendered and committed meanwhile, so a frame that is at work does not ask.
+    if (frame.row.pinned && idle) look_up(*job, frame);
   }
   job->first_unfinished = 0;
   log(id, EventKind::Extended, {}, "", "", "extended to " + std::to_string(samples) + " samples per pixel");

@@ -57,8 +57,7 @@ const std::vector<std::vector<const char*>> kUpgrades{
     {"alter table jobs add column quote text not null default ''", "alter table settled add column worker_id text not null default ''",
      "alter table settled add column reused bigint not null default 0",
      // Until now what an earlier job rendered was kept without its cost.
-     "update settled set reused = 1 where state = 2 and cpu_ns = 0",
-     "alter table results add column worker_id text not null default ''"},
+     "update settled set reused = 1 where state = 2 and cpu_ns = 0", "alter table results add column worker_id text not null default ''"},
 };
 
 [[noreturn]] void refuse(const std::string& message) { throw std::runtime_error(message); }

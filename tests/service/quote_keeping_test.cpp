@@ -70,7 +70,7 @@ TEST(KeptQuotes, BecomeWhatTheJobTookAlsoAfterARestart) {
     ++world.incarnation;
   }
   // What is done to the job later says nothing about the quote.
-  world.coordinator->extend(id, 16, {});
+  world.coordinator->extend(id, 16, {}, 0);
   EXPECT_EQ(world.work("w1"), 4);
   world.wait_until_ended(id);
   world.stop();
@@ -108,6 +108,26 @@ TEST(KeptQuotes, CountTheCostOfResultsThatWereThereAlready) {
     world.stop();
     world.start();
   }
+}
+
+TEST(KeptQuotes, AnExtensionFindsWhatAnEarlierJobRendered) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path);
+  const std::string first = submit(world, "r1", false);
+  EXPECT_EQ(world.work("w1"), 4);
+  world.wait_until_ended(first);
+  const std::string second = submit(world, "r2", false);
+  EXPECT_EQ(world.work("w1"), 0);
+  world.coordinator->extend(first, 16, {}, 0);
+  EXPECT_EQ(world.work("w1"), 4);
+  world.wait_until_ended(first);
+  world.wait_until_ended(second);
+  world.coordinator->extend(second, 16, {}, 0);
+  EXPECT_EQ(world.work("w1"), 0);
+  const v1::Job job = world.wait_until_ended(second);
+  EXPECT_EQ(job.state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(job.progress().samples_done(), 32 * 32 * 16);
+  EXPECT_DOUBLE_EQ(job.progress().result_seconds(), 8 * 0.03);
 }
 
 TEST(KeptQuotes, AResultThatIsRenderedAgainCountsOnce) {

@@ -42,6 +42,15 @@ TEST_F(ServiceSweep, FindsTheErrorsOfALocalOneAndSharesResults) {
   const nlohmann::json all = results("there");
   for (const auto& curve : all["curves"])
     for (const auto& count : curve["counts"]) EXPECT_GT(count["cpu_seconds"], 0);
+  // Another sweep of the same finds all results, with the times that they took.
+  const Ended again = woodcock(sweep("again", true));
+  ASSERT_EQ(again.code, 0) << again.err;
+  EXPECT_EQ(errors("again"), errors("here"));
+  const nlohmann::json second = results("again");
+  for (size_t i = 0; i < all["curves"].size(); ++i)
+    for (size_t j = 0; j < all["curves"][i]["counts"].size(); ++j)
+      EXPECT_NEAR(second["curves"][i]["counts"][j]["cpu_seconds"].get<double>(), all["curves"][i]["counts"][j]["cpu_seconds"].get<double>(),
+                  1e-9);
   // Each count is in the next: the job of a run has rendered each of its samples once.
   const nlohmann::json record = nlohmann::json::parse(contents(path("there") + "/runs/00-woodcock-seed0.json"));
   const nlohmann::json progress = show(record["job"])["progress"];
