@@ -54,6 +54,11 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
   PathCounters health;
   for (const v1::FrameStatus& status : job.frames()) {
     if (options.frame && status.frame() != *options.frame) continue;
+    if (!options.frame && job.frame_count() > 1 && status.state() == v1::FRAME_STATE_FAILED) {
+      fmt::print(stderr, "frame {} failed and is left out: {}\n", status.frame(), status.reason());
+      fetched.complete = false;
+      continue;
+    }
     const std::string asked = options.output.empty() ? "" : with_frame_number(options.output, status.frame());
     const fs::path path = output_path(asked, with_frame_number(default_name(job), status.frame()), false);
     v1::GetFrameRequest request;
@@ -94,7 +99,9 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
     if (job.frame_count() == 1 || options.frame) fmt::print("{}", format_convergence(convergence, 0));
     if (!convergence.points.empty()) fmt::print("{}: errors and times\n", sidecar_path(path).string());
   }
-  if (fetched.frames.empty()) throw std::runtime_error(fmt::format("job {} has no frame {}", job.job_id(), options.frame.value_or(0)));
+  if (fetched.frames.empty() && fetched.complete)
+    throw std::runtime_error(fmt::format("job {} has no frame {}", job.job_id(), options.frame.value_or(0)));
+  if (fetched.frames.empty()) throw std::runtime_error(fmt::format("all frames of job {} failed", job.job_id()));
   if (!options.quiet && fetched.complete && job.has_target())
     fmt::print("less error: woodcock extend {} --target-error E\n", job.job_id());
   else if (!options.quiet && fetched.complete)

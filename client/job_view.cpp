@@ -141,6 +141,7 @@ std::string target_line(const v1::Job& job, const v1::FrameStatus& frame) {
   if (!frame.reason().empty()) return frame.reason();
   // The coordinator sums in another order: the last digits may differ.
   const bool reached = frame.statistics().has_relative_error() && frame.statistics().relative_error() <= job.target().error() * (1 + 1e-5);
+  if (!reached && frame.statistics().relative_error() == 0) return "ended without noise to go by, as in a black picture";
   return reached ? "target reached" : fmt::format("ended by the limit of {} samples per pixel", job.target().max_samples());
 }
 

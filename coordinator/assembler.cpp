@@ -124,7 +124,7 @@ AssembleResult assemble(const AssembleRequest& request) {
     const PictureSummary summary = error_summary(error);
     merge_files(tiles, request.output_path, {{}, {}, request.map}, &summary);
     result.statistics = statistics_of(error);
-    if (!request.target && request.map.uniform() && error.missing_pixels == 0) {
+    if (request.prefixes && request.map.uniform() && error.missing_pixels == 0) {
       for (const ErrorEstimate& prefix : estimate_prefixes(tiles, prefix_counts(ranges, error.samples)))
         result.statistics.convergence.points.push_back({prefix.samples, prefix, 0});
       result.statistics.convergence.points.push_back({error.samples, error, 0});
@@ -145,11 +145,8 @@ AssembleResult assemble_in_child(const std::string& program, const std::string& 
   const std::string spec_path = temporary_dir + "/assemble-" + std::to_string(++counter) + ".json";
   {
     std::ofstream spec(spec_path);
-    nlohmann::json json{{"header", header_json(request.header)},
-                        {"samples", request.map.largest()},
-                        {"tiles", request.tile_paths},
-                        {"output", request.output_path},
-                        {"parent", ::getpid()}};
+    nlohmann::json json{{"header", header_json(request.header)}, {"samples", request.map.largest()}, {"tiles", request.tile_paths},
+                        {"output", request.output_path},         {"prefixes", request.prefixes},     {"parent", ::getpid()}};
     if (!request.map.uniform()) json["map"] = to_text(request.map.counts);
     if (request.target)
       json["target"] = {{"error", request.target->error}, {"max_samples", request.target->max_samples}, {"closed", request.closed}};
@@ -230,6 +227,7 @@ int assemble_main(const std::string& spec_path) {
     }
     request.tile_paths = spec.at("tiles");
     request.output_path = spec.at("output");
+    request.prefixes = spec.at("prefixes");
     if (spec.contains("target")) {
       const nlohmann::json& target = spec.at("target");
       request.target = SamplingTarget{target.at("error"), target.at("max_samples")};

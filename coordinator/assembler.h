@@ -18,6 +18,7 @@ struct AssembleRequest {
   /// Decide what follows in an adaptive frame, whose `closed` blocks take no more samples.
   std::optional<SamplingTarget> target;
   std::vector<bool> closed;
+  bool prefixes = false;  ///< tell the errors of its first samples, too
 };
 
 /// `error` says why there is no image; `damaged` are the tiles, by index, that are not what they should be.

@@ -64,6 +64,8 @@ void Coordinator::reopen(const std::vector<TaskRef>& tasks, const std::string& r
 void Coordinator::assemble_one(const AssembleJob& work) {
   AssembleRequest request;
   std::vector<TaskRef> tasks;
+  uint64_t revision = 0;
+  std::string reason;
   {
     const std::lock_guard lock(mutex_);
     const Job* job = scheduler_->find(work.job);
@@ -71,7 +73,12 @@ void Coordinator::assemble_one(const AssembleJob& work) {
     const Frame& frame = job->frames[static_cast<size_t>(work.frame)];
     if (!frame.to_be_assembled()) return;
     request = assemble_request(*job, frame, tasks);
-    if (!job->spec.out_of_time()) request.target = job->spec.target;
+    revision = frame.revision;
+    if (job->spec.out_of_time())
+      reason = job->spec.time_limit->reason();
+    else
+      request.target = job->spec.target;
+    request.prefixes = !job->spec.target;
     request.closed = frame.closed_blocks();
     request.output_path = blobs_.temporary("frame-" + std::to_string(++next_temporary_) + ".exr");
   }
@@ -83,16 +90,22 @@ void Coordinator::assemble_one(const AssembleJob& work) {
   options_.failpoint("before-merge");
   AssembleResult result = options_.assemble_tiles(request);
   options_.failpoint("after-merge");
+  // mutex_ held. What was extended or reopened meanwhile is merged again.
+  const auto stale = [&] {
+    const Job* job = scheduler_->find(work.job);
+    return !job || job->frames[static_cast<size_t>(work.frame)].revision != revision;
+  };
   if (result.ok && request.target && !result.decision.done()) {
     const bool goes_on = locked([&] {
       ++changes_;
-      return scheduler_->pass_decided(work.job, work.frame, result.decision, result.statistics, rpc::kMaxTasksPerJob);
+      return stale() || scheduler_->pass_decided(work.job, work.frame, result.decision, result.statistics, rpc::kMaxTasksPerJob);
     });
     if (goes_on) {
       std::filesystem::remove(request.output_path);
       return;
     }
-    spdlog::warn("frame {} of job {} ends before its target: the job has as many tasks as are allowed", work.frame, work.job);
+    reason = "ended before its target: the job has as many tasks as are allowed";
+    spdlog::warn("frame {} of job {} {}", work.frame, work.job, reason);
   }
   std::string digest;
   int64_t bytes = 0;
@@ -116,8 +129,9 @@ void Coordinator::assemble_one(const AssembleJob& work) {
   }
   const bool short_of_room = !blobs_.shortage().empty();
   locked([&] {
+    if (stale()) return;
     if (result.ok) {
-      scheduler_->frame_assembled(work.job, work.frame, digest, bytes, result.statistics);
+      scheduler_->frame_assembled(work.job, work.frame, digest, bytes, result.statistics, reason);
     } else if (short_of_room || work.attempts + 1 < kAttempts) {
       spdlog::warn("merging a frame of job {} failed and is repeated: {}", work.job, result.error);
       to_assemble_.push_back({work.job, work.frame, work.attempts + (short_of_room ? 0 : 1), options_.now() + kSecond});
@@ -168,6 +182,7 @@ v1::GetFrameResponse Coordinator::frame(const std::string& id, uint64_t number, 
       store_->flush();
       return response;
     }
+    if (frame->row.state == FrameState::Failed) rpc::fail_precondition("frame " + std::to_string(number) + " failed: " + frame->row.reason);
     if (!partial)
       rpc::fail_precondition("frame " + std::to_string(number) + " is " + to_string(frame->row.state) +
                              "; wait for it, or ask for a partial image");

@@ -1,5 +1,6 @@
 #include "coordinator/model.h"
 
+#include <fmt/format.h>
 #include <charconv>
 #include <stdexcept>
 
@@ -44,6 +45,8 @@ const char* to_string(FrameState state) {
   static constexpr const char* kNames[] = {"queued", "running", "assembling", "done", "partial", "failed", "cancelled"};
   return kNames[static_cast<int>(state)];
 }
+
+std::string TimeLimit::reason() const { return fmt::format("ended by its limit of {:.4g} s", seconds); }
 
 std::string to_json(const FrameStatistics& s) {
   nlohmann::json json{{"image_mean", s.image_mean}, {"samples", s.samples}, {"pixels", s.pixels}, {"missing_pixels", s.missing_pixels}};

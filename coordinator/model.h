@@ -52,6 +52,8 @@ struct TimeLimit {
   double spent = 0;  ///< saved with each pass: a crash of the coordinator gives back what the last one took
 
   bool over() const { return spent >= seconds; }
+  /// "ended by its limit of 90 s"
+  std::string reason() const;
 };
 
 struct JobSpec {

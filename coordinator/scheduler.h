@@ -112,6 +112,7 @@ struct Task {
   int64_t cpu_ns = 0, wall_ns = 0;  ///< what the result cost, whoever paid
   std::string digest;
   std::string error;
+  bool repair = false;              ///< its result was damaged after the job's time was over: it may be rendered again all the same
   std::vector<std::string> leases;  ///< live attempts
   std::vector<std::string> failed_workers;
 };
@@ -132,6 +133,7 @@ struct Frame {
   int64_t result_cpu_ns = 0;                  ///< of the results that are there, whoever paid
   HealthCounts health;                        ///< sum over the tasks done
   std::map<int64_t, HealthCounts> unhealthy;  ///< its share of each task that has any
+  uint64_t revision = 0;                      ///< grows when a merge that is under way is not of the frame any more
   bool deciding = false;                      ///< a pass is over, and the next one not decided yet
   std::deque<int64_t> durations;              ///< wall time of the last commits, nanoseconds
 
@@ -163,6 +165,9 @@ struct Job {
   std::deque<std::pair<Time, int64_t>> recent;  ///< commits of the last minute: when, camera paths
 };
 
+/// Whether a job that has ended may get more samples, a smaller error or more time.
+bool can_be_extended(const Job& job);
+
 class Scheduler {
  public:
   explicit Scheduler(const SchedulerOptions& options) : options_(options) {}
@@ -174,7 +179,8 @@ class Scheduler {
   void recover_job(const RecoveredJob& job, const std::vector<LeaseRow>& leases, Time now);
   const Job* find(const std::string& job_id) const;
   const std::map<std::string, Job>& jobs() const { return jobs_; }
-  /// These change nothing when the job has ended (extend: when it was cancelled or failed), and then return false.
+  /// These change nothing when the job has ended (extending: when it was cancelled, or failed for another reason than its time),
+  /// and then return false. An extension tries failed frames again.
   bool cancel(const std::string& job_id);
   bool set_paused(const std::string& job_id, bool paused);
   bool extend(const std::string& job_id, int64_t samples);
@@ -202,7 +208,9 @@ class Scheduler {
   /// The merge refused a committed result: open again, for other workers first. The frame fails when a task's
   /// results are refused again and again.
   void result_refused(const TaskRef& task, const std::string& reason);
-  void frame_assembled(const std::string& job_id, int frame, const std::string& digest, int64_t bytes, const FrameStatistics& statistics);
+  /// `reason`: what ended the frame before its target, for people.
+  void frame_assembled(const std::string& job_id, int frame, const std::string& digest, int64_t bytes, const FrameStatistics& statistics,
+                       const std::string& reason = "");
   void frame_failed(const std::string& job_id, int frame, const std::string& reason);
   /// An adaptive frame goes on: the tasks of the next pass. False where the job would have more than `max_tasks`, and nothing is done.
   bool pass_decided(const std::string& job_id, int frame, const Decision& decision, const FrameStatistics& statistics, int64_t max_tasks);
@@ -257,6 +265,7 @@ class Scheduler {
   void check_frame(Job& job, int frame);
   void count_time(Time now);
   void end_by_time(Job& job);
+  void wake_frame(Job& job, int frame);
   void fail_frame(Job& job, int frame, const std::string& reason);
 
   bool fits(const Worker& worker, const Frame& frame) const;

@@ -233,9 +233,29 @@ bool Scheduler::set_paused(const std::string& id, bool paused) {
   return true;
 }
 
+bool can_be_extended(const Job& job) {
+  return job.row.state != JobState::Cancelled && (job.row.state != JobState::Failed || job.spec.out_of_time());
+}
+
+/// Renders on a frame that had ended, or is being merged.
+void Scheduler::wake_frame(Job& job, int index) {
+  Frame& frame = job.frames[static_cast<size_t>(index)];
+  if (frame.row.state == FrameState::Failed) {
+    frame.retry.clear();
+    for (Task& task : frame.tasks) task.retry = false;
+    frame.next_fresh = 0;
+    frame.scene_failures.clear();
+  }
+  ++frame.revision;
+  frame.deciding = false;
+  frame.row.state = FrameState::Running;
+  frame.row.reason.clear();
+  actions_.push_back(action::SaveFrame{job.spec.id, index});
+}
+
 bool Scheduler::extend(const std::string& id, int64_t samples) {
   Job* job = job_of(id);
-  if (!job || job->row.state == JobState::Cancelled || job->row.state == JobState::Failed) return false;
+  if (!job || !can_be_extended(*job)) return false;
   if (samples <= job->spec.samples()) return true;
   const SampleRange round{job->spec.samples(), samples};
   job->spec.rounds.push_back(round);
@@ -245,9 +265,7 @@ bool Scheduler::extend(const std::string& id, int64_t samples) {
     Frame& frame = job->frames[i];
     const bool idle = frame.unsettled == 0;
     append_round(*job, frame, round);
-    frame.row.state = FrameState::Running;
-    frame.row.reason.clear();
-    actions_.push_back(action::SaveFrame{id, static_cast<int>(i)});
+    wake_frame(*job, static_cast<int>(i));
     // What is looked up may not be rendered and committed meanwhile, so a frame that is at work does not ask.
     if (frame.row.pinned && idle) look_up(*job, frame);
   }
@@ -282,7 +300,9 @@ void Scheduler::update_job(Job& job) {
   }
   while (job.first_unfinished < job.frames.size() && job.frames[job.first_unfinished].unsettled == 0) ++job.first_unfinished;
   if (ended == job.frames.size()) {
-    set_state(job, failed ? JobState::Failed : partial ? JobState::Partial : JobState::Done, reason);
+    // What the time did not suffice for is a part that is missing.
+    const bool some = failed < job.frames.size() && job.spec.out_of_time();
+    set_state(job, failed && !some ? JobState::Failed : partial || failed ? JobState::Partial : JobState::Done, reason);
   } else if (ended + assembling == job.frames.size()) {
     set_state(job, JobState::Assembling, "");
   } else if (job.row.paused) {
@@ -349,7 +369,7 @@ void add_times(const Frame& frame, Convergence& record) {
 }  // namespace
 
 void Scheduler::frame_assembled(const std::string& id, int index, const std::string& digest, int64_t bytes,
-                                const FrameStatistics& statistics) {
+                                const FrameStatistics& statistics, const std::string& reason) {
   Job* job = job_of(id);
   if (!job) return;
   Frame& frame = job->frames[static_cast<size_t>(index)];
@@ -361,6 +381,7 @@ void Scheduler::frame_assembled(const std::string& id, int index, const std::str
   frame.row.statistics = statistics;
   add_times(frame, frame.row.statistics.convergence);
   frame.row.state = frame.given_up > 0 || statistics.missing_pixels > 0 ? FrameState::Partial : FrameState::Done;
+  frame.row.reason = reason;
   if (frame.given_up > 0) frame.row.reason = std::to_string(frame.given_up) + " tasks could not be rendered by any worker";
   actions_.push_back(action::SaveFrame{id, index});
   log(id, EventKind::FrameDone, frame.spec.header.frame, "", "", std::string("frame ") + to_string(frame.row.state));

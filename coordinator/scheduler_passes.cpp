@@ -71,20 +71,23 @@ void Scheduler::end_by_time(Job& job) {
   for (size_t i = 0; i < job.frames.size(); ++i) {
     Frame& frame = job.frames[i];
     if (has_ended(frame.row.state) || frame.to_be_assembled()) continue;
+    // A result that is on its way to the disk may be the only one; a damaged one is replaced first.
+    const bool wait = std::any_of(frame.tasks.begin(), frame.tasks.end(), [](const Task& task) {
+      return task.state == TaskState::Committing || (task.repair && task.state == TaskState::Open);
+    });
+    if (wait) continue;
     const auto index = static_cast<int>(i);
     for (size_t number = 0; number < frame.tasks.size(); ++number) {
       Task& task = frame.tasks[number];
       while (!task.leases.empty()) end_lease(task.leases.back(), CancelReason::JobEnded);
       if (task.epoch > 0) requeue({job.spec.id, index, static_cast<int64_t>(number)});
     }
-    const std::string why = fmt::format("ended by its limit of {:.4g} s", job.spec.time_limit->seconds);
     if (frame.done == 0) {
-      fail_frame(job, index, why + " before anything was rendered");
+      fail_frame(job, index, job.spec.time_limit->reason() + " before anything was rendered");
       continue;
     }
     frame.deciding = false;
     frame.row.state = FrameState::Assembling;
-    frame.row.reason = why;
     actions_.push_back(action::SaveFrame{job.spec.id, index});
     actions_.push_back(action::AssembleFrame{job.spec.id, index});
   }
@@ -94,8 +97,8 @@ void Scheduler::end_by_time(Job& job) {
 
 bool Scheduler::set_target(const std::string& id, const SamplingTarget& target, std::optional<double> seconds) {
   Job* job = job_of(id);
-  if (!job || job->row.state == JobState::Cancelled || job->row.state == JobState::Failed) return false;
-  if (job->spec.target == target && !seconds) return true;
+  if (!job || !can_be_extended(*job)) return false;
+  if (job->spec.target == target && !seconds && !job->spec.time_limit) return true;
   job->spec.target = target;
   job->spec.time_limit.reset();
   if (seconds) job->spec.time_limit = TimeLimit{*seconds};
@@ -108,11 +111,10 @@ bool Scheduler::set_target(const std::string& id, const SamplingTarget& target, 
   for (size_t i = 0; i < job->frames.size(); ++i) {
     Frame& frame = job->frames[i];
     if (frame.unsettled > 0 && !has_ended(frame.row.state) && frame.row.state != FrameState::Assembling) continue;
-    frame.row.state = FrameState::Running;
-    frame.row.reason.clear();
-    actions_.push_back(action::SaveFrame{id, static_cast<int>(i)});
+    wake_frame(*job, static_cast<int>(i));
     check_frame(*job, static_cast<int>(i));
   }
+  job->first_unfinished = 0;
   update_job(*job);
   return true;
 }

@@ -180,6 +180,8 @@ void Scheduler::reopen(const TaskRef& ref, const std::string& reason) {
   task->state = TaskState::Open;
   ++frame.unsettled;
   frame.remove_result(ref.number);
+  ++frame.revision;
+  task->repair = job->spec.out_of_time();
   if (!has_ended(frame.row.state)) frame.row.state = FrameState::Running;
   job->first_unfinished = 0;
   requeue(ref);

@@ -86,7 +86,9 @@ std::optional<double> checked_seconds(double seconds) {
 }
 
 SamplingTarget extended_target(const JobSpec& job, int64_t samples, std::optional<double> error, bool limited) {
-  const SamplingTarget present = job.target.value_or(SamplingTarget{1, std::max(job.samples(), SamplingTarget{}.max_samples)});
+  const SamplingTarget present = job.target.value_or(SamplingTarget{0, std::max(job.samples(), SamplingTarget{}.max_samples)});
+  if (!error && !limited && present.error == 0)
+    rpc::fail_invalid("the job ended by its limit of time and has no target: extend it by --max-time, or to a --target-error");
   const SamplingTarget target = checked_target(error.value_or(present.error), samples != 0 ? samples : present.max_samples, limited);
   const int64_t least = job.target ? present.max_samples : job.samples();
   if (target.max_samples < least)

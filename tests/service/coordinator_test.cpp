@@ -7,6 +7,7 @@
 #include <iterator>
 
 #include "coordinator/server.h"
+#include "coordinator/submit.h"
 #include "renderer/accuracy/error_summary.h"
 #include "rpc/blob_transfer.h"
 #include "rpc/channel.h"
@@ -134,6 +135,42 @@ TEST(Coordinator, AnAdaptiveJobGoesOnAcrossRestartsUntilItsTargetAndIsExtended) 
   EXPECT_EQ(more.frames(0).statistics().samples(), 128);
   EXPECT_GT(partials, 0);
   EXPECT_TRUE(image_of(world, id) == whole_frame(world, 128));
+}
+
+TEST(Coordinator, AnExtensionWhileTheFrameIsMergedIsNotLost) {
+  for (const bool to_a_target : {false, true}) {
+    const TemporaryFolder folder;
+    std::function<void()> meanwhile;
+    CoordinatorWorld world(folder.path, [&](CoordinatorOptions& options) {
+      options.assemble_tiles = [&](const AssembleRequest& request) {
+        const AssembleResult result = assemble(request);
+        if (meanwhile) std::exchange(meanwhile, nullptr)();
+        return result;
+      };
+    });
+    const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
+    meanwhile = [&] {
+      if (to_a_target)
+        world.coordinator->extend(id, 24, 1e-6);
+      else
+        world.coordinator->extend(id, 24, {});
+    };
+    for (int i = 0; i < 200 && world.coordinator->job(id).state() < v1::JOB_STATE_DONE; ++i) {
+      world.work("w1");
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    EXPECT_EQ(world.wait_until_ended(id).frames(0).statistics().samples(), 24);
+    EXPECT_TRUE(image_of(world, id) == whole_frame(world, 24)) << to_a_target;
+  }
+}
+
+TEST(Coordinator, ATimeAloneMakesAPlainJobGoWhereTheErrorIs) {
+  JobSpec plain;
+  plain.rounds = {{0, 16}};
+  EXPECT_EQ(extended_target(plain, 0, {}, true), (SamplingTarget{0, SamplingTarget{}.max_samples}));
+  plain.target = SamplingTarget{0, 64};  // of time alone
+  EXPECT_EQ(extended_target(plain, 0, 0.5, false), (SamplingTarget{0.5, 64}));
+  EXPECT_THROW(extended_target(plain, 128, {}, false), rpc::RpcError);
 }
 
 TEST(Coordinator, AFinalStateIsShownOnlyOnceItsRowIsDurable) {

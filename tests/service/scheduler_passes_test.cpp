@@ -157,12 +157,16 @@ TEST(Scheduler, ALimitOfTimeCountsWhileWorkersRenderAndLeavesTheBlocksOfThePassW
   restarted.settle();
   ASSERT_EQ(restarted.assembled.size(), 1u);
   const Job& again = *restarted.scheduler.find("j1");
-  restarted.scheduler.frame_assembled("j1", 0, std::string(64, 'e'), 1, {});
+  restarted.scheduler.frame_assembled("j1", 0, std::string(64, 'e'), 1, {}, again.spec.time_limit->reason());
   EXPECT_EQ(again.row.state, JobState::Done);
   EXPECT_EQ(again.row.reason, "ended by its limit of 100 s");
   EXPECT_EQ(again.frames[0].settled_map(16), map);
 
-  // With more time the pass goes on where it was.
+  // Without a limit, or with more time, the pass goes on where it was.
+  EXPECT_TRUE(restarted.scheduler.set_target("j1", *again.spec.target));
+  restarted.settle();
+  EXPECT_EQ(again.row.state, JobState::Running);
+  EXPECT_FALSE(again.spec.time_limit);
   EXPECT_TRUE(restarted.scheduler.set_target("j1", *again.spec.target, 50));
   restarted.settle();
   EXPECT_EQ(again.row.state, JobState::Running);
@@ -170,6 +174,92 @@ TEST(Scheduler, ALimitOfTimeCountsWhileWorkersRenderAndLeavesTheBlocksOfThePassW
   map = again.frames[0].settled_map(16);
   EXPECT_EQ(std::count(map.counts.begin(), map.counts.end(), 32), 3);
   EXPECT_TRUE(again.frames[0].to_be_assembled());
+}
+
+TEST(Scheduler, WhatIsDamagedAfterTheTimeIsRenderedAgainBeforeTheFrameEnds) {
+  SchedulerWorld world;
+  JobSpec spec = adaptive_job();
+  spec.time_limit = TimeLimit{1};
+  world.scheduler.add_job(spec);
+  const Frame& frame = world.scheduler.find("j1")->frames[0];
+  world.finish_everything("w1");
+  EXPECT_TRUE(world.scheduler.pass_decided("j1", 0, next_pass(frame.settled_map(16), {5, 6, 7}, 32), {}, 1000));
+  world.settle();
+  const auto tick = [&] {
+    world.sync("w1");
+    world.scheduler.tick(world.now += 2 * kSecond);
+    world.settle();
+  };
+  tick();
+  tick();
+  ASSERT_EQ(frame.row.state, FrameState::Assembling);
+  const uint64_t revision = frame.revision;
+  world.scheduler.reopen({"j1", 0, 3}, "damaged");
+  EXPECT_GT(frame.revision, revision);  // a merge of before is not the frame's any more
+  for (int i = 0; i < 3; ++i) tick();
+  EXPECT_EQ(frame.row.state, FrameState::Running);
+  ASSERT_EQ(frame.tasks[3].leases.size(), 1u);
+  world.finish("w1", world.held["w1"].at(frame.tasks[3].leases[0]));
+  tick();
+  EXPECT_EQ(frame.row.state, FrameState::Assembling);
+  EXPECT_EQ(frame.tasks[3].state, TaskState::Done);
+}
+
+TEST(Scheduler, AResultThatIsBeingCommittedWhenTheTimeEndsCounts) {
+  SchedulerWorld world;
+  JobSpec spec = adaptive_job();
+  spec.time_limit = TimeLimit{1};
+  world.scheduler.add_job(spec);
+  world.sync("w1");
+  const Grant grant = world.held["w1"].begin()->second;
+  world.scheduler.tick(world.now);
+  // Offered, and not yet on the disk: its action is not carried out.
+  world.scheduler.offer({grant.lease_id, to_string(grant.task), grant.epoch, {grant.result_key, std::string(64, 'd'), 100, {1, 1, 1}, {}}},
+                        "w1", true, world.now);
+  world.scheduler.tick(world.now += 2 * kSecond);
+  EXPECT_EQ(world.scheduler.find("j1")->frames[0].row.state, FrameState::Running);
+  world.settle();
+  world.scheduler.tick(world.now += kSecond);
+  EXPECT_EQ(world.scheduler.find("j1")->frames[0].row.state, FrameState::Assembling);
+}
+
+TEST(Scheduler, AnExtensionTriesFailedFramesAgain) {
+  SchedulerWorld world;
+  JobSpec spec = test_job("j1");
+  spec.frames.push_back(spec.frames[0]);
+  spec.frames[1].header.frame = 1;
+  world.scheduler.add_job(spec);
+  const Job& job = *world.scheduler.find("j1");
+  world.fail("w1", world.sync("w1").at(0), FailureCause::SceneError);  // the only worker there is
+  ASSERT_EQ(job.frames[0].row.state, FrameState::Failed);
+  ASSERT_FALSE(has_ended(job.row.state));
+  EXPECT_TRUE(world.scheduler.extend("j1", 128));
+  world.finish_everything("w1");
+  EXPECT_EQ(world.assembled.size(), 2u);
+  EXPECT_EQ(job.frames[0].done, 32);
+}
+
+TEST(Scheduler, ATimeThatDoesNotSufficeForASequenceLeavesItPartialAndToBeExtended) {
+  SchedulerWorld world;
+  JobSpec spec = adaptive_job();
+  spec.time_limit = TimeLimit{1};
+  spec.frames.push_back(spec.frames[0]);
+  spec.frames[1].header.frame = 1;
+  world.scheduler.add_job(spec);
+  const Job& job = *world.scheduler.find("j1");
+  world.sync("w1");
+  world.finish("w1", world.held["w1"].begin()->second);
+  world.sync("w1");
+  world.scheduler.tick(world.now);
+  world.scheduler.tick(world.now += 2 * kSecond);
+  world.settle();
+  EXPECT_EQ(job.frames[1].row.state, FrameState::Failed);
+  world.scheduler.frame_assembled("j1", 0, std::string(64, 'e'), 1, {}, "time");
+  EXPECT_EQ(job.row.state, JobState::Partial);
+  EXPECT_TRUE(world.scheduler.set_target("j1", *job.spec.target));
+  world.finish_everything("w1");
+  EXPECT_TRUE(job.frames[0].to_be_assembled());
+  EXPECT_TRUE(job.frames[1].to_be_assembled());
 }
 
 TEST(Scheduler, ALimitOfTimeThatEndsBeforeTheFirstSamplesLeavesAPartialFrameOrNone) {
@@ -186,7 +276,7 @@ TEST(Scheduler, ALimitOfTimeThatEndsBeforeTheFirstSamplesLeavesAPartialFrameOrNo
     if (some) {
       FrameStatistics statistics;
       statistics.missing_pixels = 15 * 1024;
-      world.scheduler.frame_assembled("j1", 0, std::string(64, 'e'), 1, statistics);
+      world.scheduler.frame_assembled("j1", 0, std::string(64, 'e'), 1, statistics, job.spec.time_limit->reason());
     }
     EXPECT_EQ(job.row.state, some ? JobState::Partial : JobState::Failed);
     EXPECT_EQ(job.row.reason.substr(0, 25), "ended by its limit of 3 s");
