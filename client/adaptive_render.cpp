@@ -47,6 +47,8 @@ std::string end_line(End end, const TargetOptions& options, const SampleMap& map
     case End::kTarget:
       return fmt::format("reached{}: {}\n", aim, held);
     case End::kSamples:
+      if (map.largest() < options.max_samples.value_or(SamplingTarget{}.max_samples))
+        return fmt::format("ended without noise to go by, as in a black picture{}{}: {}\n", aim.empty() ? "" : ", before", aim, held);
       return fmt::format("ended by the limit of {} samples per pixel{}{}: {}\n", map.largest(), aim.empty() ? "" : ", before", aim, held);
     case End::kTime:
       return fmt::format("ended by the limit of {}{}{}: {}\n", format_seconds(*options.max_seconds), aim.empty() ? "" : ", before", aim,

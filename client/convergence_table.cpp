@@ -31,10 +31,15 @@ std::string format_convergence(const Convergence& record, int threads) {
   for (const ConvergencePoint& point : record.points) text += row_of(point, record.timed_from);
   if (const std::string reason = heavy_tail_reason(record.points); !reason.empty())
     return text + fmt::format("heavy tail: {}. The errors above may be too small, and what less would cost cannot be told.\n", reason);
+  const bool timed = seconds_per_sample(record) > 0;
   for (const Prediction& p : predict(record)) {
-    text += fmt::format("{:>10}  {:>9}  {:<22}  {:>10}  more{}\n", p.samples, percent(p.error),
-                        fmt::format("({} to {} samples)", p.samples_low, p.samples_high), short_time(p.cpu_seconds),
-                        threads > 0 ? fmt::format(", {} on {} threads", short_time(p.cpu_seconds / threads), threads) : "");
+    text +=
+        fmt::format("{:>10}  {:>9}  {:<22}", p.samples, percent(p.error), fmt::format("({} to {} samples)", p.samples_low, p.samples_high));
+    // Where nothing was rendered now, nothing was timed.
+    if (timed)
+      text += fmt::format("  {:>10}  more{}", short_time(p.cpu_seconds),
+                          threads > 0 ? fmt::format(", {} on {} threads", short_time(p.cpu_seconds / threads), threads) : "");
+    text += '\n';
   }
   return text;
 }
@@ -57,11 +62,10 @@ nlohmann::json convergence_json(const Convergence& record, int threads) {
   j["cpu_seconds_per_sample"] = seconds_per_sample(record);
   j["heavy_tail"] = heavy_tail_reason(record.points);
   for (const Prediction& p : predict(record)) {
-    nlohmann::json& row = j["predictions"].emplace_back(nlohmann::json{{"relative_error", p.error},
-                                                                       {"samples", p.samples},
-                                                                       {"samples_interval", {p.samples_low, p.samples_high}},
-                                                                       {"more_cpu_seconds", p.cpu_seconds}});
-    if (threads > 0) row["more_seconds"] = p.cpu_seconds / threads;
+    nlohmann::json& row = j["predictions"].emplace_back(
+        nlohmann::json{{"relative_error", p.error}, {"samples", p.samples}, {"samples_interval", {p.samples_low, p.samples_high}}});
+    if (j["cpu_seconds_per_sample"] > 0) row["more_cpu_seconds"] = p.cpu_seconds;
+    if (row.contains("more_cpu_seconds") && threads > 0) row["more_seconds"] = p.cpu_seconds / threads;
   }
   return j;
 }

@@ -36,7 +36,8 @@ LocalRender render_locally(const FrameRenderer& frame, SampleRange samples, std:
   const std::vector<PixelRect> tiles = tile_grid(bounds, tile_size);
   LocalRender result;
   result.nodes = std::move(earlier);
-  result.samples = {result.nodes.empty() ? samples.begin : result.nodes.front().range.begin, samples.begin};
+  result.samples = {samples.begin, samples.begin};
+  if (!result.nodes.empty()) result.samples = {result.nodes.front().range.begin, result.nodes.back().range.end};
   result.convergence.timed_from = result.samples.size();
 
   double cpu_seconds = 0;

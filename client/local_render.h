@@ -27,8 +27,8 @@ struct LocalRender {
 std::vector<SampleRange> render_passes(SampleRange samples);
 
 /// Renders `samples` of the whole frame in passes over tiles of edge `tile_size`, after the nodes in `earlier` (which
-/// end where `samples` begins). When `stop` becomes true the passes finished so far are the result; where not even
-/// one is, the tiles of the first that are.
+/// end where `samples` begins, or beyond where it is empty). When `stop` becomes true the passes finished so far are the result; where not
+/// even one is, the tiles of the first that are.
 LocalRender render_locally(const FrameRenderer& frame, SampleRange samples, std::vector<Tile> earlier, int tile_size, int threads,
                            RenderProgress& progress, const std::atomic<bool>& stop, const std::function<void()>& tick);
 

@@ -83,6 +83,9 @@ int run(const RenderOptions& options) {
                                                      earlier.front().range.begin, samples.begin));
       }
       samples.begin = std::min(earlier.back().range.end, samples.end);
+      if (earlier.back().range.end > samples.end)
+        fmt::print(stderr, "{} holds {} samples per pixel already, more than the {} asked for: all of them are kept\n", output.string(),
+                   earlier.back().range.end, samples.end);
     }
   }
 

@@ -12,6 +12,7 @@
 #include "client/health.h"
 #include "client/interrupt.h"
 #include "client/job_view.h"
+#include "client/progress_line.h"
 #include "client/quote.h"
 #include "client/quote_record.h"
 #include "client/service.h"
@@ -118,7 +119,9 @@ int run(const SubmitOptions& options) {
   const bool follow = options.watch || !options.output.empty();
   if (!options.json && !follow) {
     fmt::print("{}\n", id);
-    const std::string aim = options.target.error ? fmt::format("a relative error of {:.3g} %, at most ", 100 * *options.target.error) : "";
+    std::string aim = options.target.error ? fmt::format("a relative error of {:.3g} %, ", 100 * *options.target.error) : "";
+    if (options.target.max_seconds) aim += fmt::format("at most {} of rendering, ", format_seconds(*options.target.max_seconds));
+    if (!aim.empty()) aim += "at most ";
     fmt::print(stderr, "job {}: {} frame{} of {}{} samples per pixel; follow it with: woodcock watch {}\n", id, last - first + 1,
                last == first ? "" : "s", aim, submission.request.settings().samples(), id);
   }
@@ -191,7 +194,7 @@ void add_submit_command(CLI::App& app, int& code) {
       "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the job ended with parts missing.");
   command->callback([options, &code] {
     settle_targets(options->target, options->settings);
-    if ((options->dry_run || options->quote) && options->target.max_seconds && !options->target.error && !options->settings.samples)
+    if ((options->dry_run || options->quote) && options->target.max_seconds && !options->target.error && !options->target.max_samples)
       throw CLI::ValidationError(options->quote ? "--quote" : "--dry-run",
                                  "a limit of time alone costs that time: give --target-error or --spp");
     // The coordinator's limit is the job's number of samples.

@@ -307,12 +307,18 @@ void add_sweep_command(CLI::App& app, int& code) {
       ->type_name("PATH=LIST");
   add_picture_options(*command, options->settings);
   add_shared_estimator_options(*command, options->settings);
-  command
-      ->add_option_function<std::string>(
-          "--server", [options](const std::string& address) { options->service = ServiceOptions{address}; },
-          "Let the workers of this coordinator render, each picture as a job (default: this process)")
-      ->type_name("HOST:PORT");
-  command->add_option("--threads", options->threads, "Threads (default: one for each processor)")->check(CLI::Range(1, 1024));
+  auto* server = command
+                     ->add_option_function<std::string>(
+                         "--server",
+                         [options](const std::string& address) {
+                           options->service = ServiceOptions{address};
+                           options->by_workers = true;
+                         },
+                         "Let the workers of this coordinator render, each picture as a job (default: this process)")
+                     ->type_name("HOST:PORT");
+  command->add_option("--threads", options->threads, "Threads (default: one for each processor)")
+      ->check(CLI::Range(1, 1024))
+      ->excludes(server);
   command->add_flag("--allow-outside-files", options->allow_outside_files, "Let the scene read files outside its own folder");
   command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
   command->footer(

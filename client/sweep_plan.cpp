@@ -129,7 +129,8 @@ void add_effects(const SweepOptions& options, SweepPlan& plan) {
   add("the plan (--plan off)", false, general);
   FrameSettings full = all;
   full.full_kernel = true;
-  add("the scene's own kernel (--kernel full)", false, full);
+  // The kernel is no part of a result's identity: workers would not render it again.
+  if (!options.by_workers) add("the scene's own kernel (--kernel full)", false, full);
   const TransferTerms terms = parse_terms(all.only);
   for (const auto member :
        {&TransferTerms::absorption, &TransferTerms::emission, &TransferTerms::out_scattering, &TransferTerms::in_scattering}) {

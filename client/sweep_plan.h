@@ -23,6 +23,7 @@ struct SweepOptions {
   std::string reference;          ///< an EXR; empty: one is made
   int64_t reference_samples = 0;  ///< of the one that is made; 0: kReferenceFactor times the largest count
   bool effects = false;
+  bool by_workers = false;  ///< of a coordinator
   bool allow_outside_files = false;
 };
 

@@ -268,6 +268,8 @@ SweepReference load_reference(const fs::path& exr, const std::string& origin) {
   } catch (const FilmError&) {
     // An EXR of another program has no statistics; what matters is said below.
   }
+  if (error && error->missing_pixels > 0)
+    throw FilmError(exr.string(), fmt::format("cannot be the reference: {} of its pixels have no samples", error->missing_pixels));
   if (error && error->relative_mse) {
     reference.relative_mse = *error->relative_mse;
     reference.what = fmt::format("{}: {} samples per pixel, its own error {:.3g} % (subtracted from all errors)", origin, error->samples,

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "renderer/film/exr.h"
 #include "rpc/limits.h"
 #include "rpc/status.h"
 
@@ -21,9 +22,9 @@ bool is_key(std::string_view text) {
 }
 
 void check_resolution(const v1::Resolution& resolution, std::string_view field) {
-  const bool ok = resolution.width() >= 1 && resolution.height() >= 1 && resolution.width() <= kMaxResolution &&
-                  resolution.height() <= kMaxResolution && int64_t{resolution.width()} * resolution.height() <= kMaxPixels;
-  check(ok, field, "1 to 65536 pixels an edge and at most 2^30 pixels");
+  const bool ok =
+      resolution.width() >= 1 && resolution.height() >= 1 && resolution.width() <= kMaxResolution && resolution.height() <= kMaxResolution;
+  check(ok, field, "1 to 65536 pixels an edge");
 }
 
 /// What the estimator is set by; whether it takes these options is the renderer's to say.
@@ -95,8 +96,8 @@ v1::SampleRange to_wire(const SampleRange& range) {
 PixelRect from_wire(const v1::PixelRect& rect, std::string_view field) {
   const PixelRect domain{rect.x0(), rect.y0(), rect.x1(), rect.y1()};
   const bool ok = domain.x0 >= 0 && domain.y0 >= 0 && domain.x0 < domain.x1 && domain.y0 < domain.y1 && domain.x1 <= kMaxResolution &&
-                  domain.y1 <= kMaxResolution;
-  check(ok, field, "0 <= x0 < x1 <= 65536 and 0 <= y0 < y1 <= 65536");
+                  domain.y1 <= kMaxResolution && domain.area() <= kMaxPixels;
+  check(ok, field, "0 <= x0 < x1 <= 65536, 0 <= y0 < y1 <= 65536 and at most 2^28 pixels");
   return domain;
 }
 

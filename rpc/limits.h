@@ -22,7 +22,6 @@ inline constexpr size_t kMaxDigestsPerCall = 10'000;
 inline constexpr size_t kMaxFramesPerJob = 10'000;
 inline constexpr int64_t kMaxTasksPerJob = 1'000'000;
 inline constexpr int kMaxResolution = 65'536;  ///< pixels of an edge
-inline constexpr int64_t kMaxPixels = int64_t{1} << 30;
 inline constexpr int64_t kMaxSamplesPerPixel = int64_t{1} << 40;
 inline constexpr size_t kMaxSettings = 256;
 inline constexpr size_t kMaxSettingBytes = 4096;

@@ -41,8 +41,8 @@ double variance_between(const std::array<double, kReplicates>& replicate, const 
 }
 
 /// Var(x̄)/(x̄² + floor²) without the bias of order 1/n that a noisy x̄ gives it: the jackknife over the replicates that hold
-/// samples (Efron & Stein 1981), of the quantity n·Var(x̄)/(x̄² + floor²), which does not depend on n otherwise. For three
-/// replicates at least, equally full up to rounding.
+/// samples (Efron & Stein 1981), of the quantity n·Var(x̄)/(x̄² + floor²), which does not depend on n otherwise. For
+/// replicates equally full up to rounding; two of them leave nothing to compare with and the term as it is.
 double jackknifed_term(const std::array<double, kReplicates>& replicate, const FoldWeights& weights, double term, double floor) {
   double k = 0, sum = 0, squares = 0;
   for (size_t i = 0; i < kReplicates; ++i) {
@@ -50,6 +50,7 @@ double jackknifed_term(const std::array<double, kReplicates>& replicate, const F
     k += 1;
     sum += replicate[i];
   }
+  if (k < 3) return term;
   const double mean = sum / k;
   for (size_t i = 0; i < kReplicates; ++i)
     if (weights.of_replicate[i] > 0) squares += (replicate[i] - mean) * (replicate[i] - mean);
@@ -93,6 +94,8 @@ struct ErrorSums::Impl {
   ErrorEstimate error;
   // Of the first round.
   std::array<double, kReplicates> replicate{};
+  std::array<int64_t, kReplicates> held{};  ///< pixels with samples in the replicate
+  double mean_sum = 0;
   FoldWeights sum;
   int64_t fireflies = 0, pixels_for_fireflies = 0;
   double largest_squares = 0;
@@ -108,8 +111,13 @@ struct ErrorSums::Impl {
     ++error.pixels;
     const FoldWeights& weights = weights_of.of(pixel);
     sum.add(weights);
-    for (size_t k = 0; k < kReplicates; ++k) replicate[k] += static_cast<double>(pixel.replicate[k]);
-    const double total = std::abs(mean_luminance(replicates_of(pixel), weights)) * weights.samples;
+    for (size_t k = 0; k < kReplicates; ++k) {
+      replicate[k] += static_cast<double>(pixel.replicate[k]);
+      held[k] += weights.of_replicate[k] > 0;
+    }
+    const double mean = mean_luminance(replicates_of(pixel), weights);
+    mean_sum += mean;
+    const double total = std::abs(mean) * weights.samples;
     if (weights.samples < static_cast<double>(kFireflySamples)) return;
     ++pixels_for_fireflies;
     if (static_cast<double>(pixel.largest) > 0.1 * total) ++fireflies;
@@ -118,16 +126,21 @@ struct ErrorSums::Impl {
 
   /// Replicate k of the whole image is the mean of the pixels' replicates; where pixels hold different numbers of samples its weight
   /// is the mean of theirs. Each such mean is unbiased, and from 32 samples on, where the schedule's counts are multiples of 8, the
-  /// weights are exact.
+  /// weights are exact. Replicates that some pixel has no samples of are left out: the interval then is wide rather than narrow.
   void end_means() {
     if (error.pixels == 0) return;
     FoldWeights weights = sum;
     weights.samples /= static_cast<double>(error.pixels);
     for (double& n : weights.of_replicate) n /= static_cast<double>(error.pixels);
     error.samples = std::llround(weights.samples);
+    weights.samples = 0;
+    for (size_t k = 0; k < kReplicates; ++k) {
+      replicate[k] /= static_cast<double>(error.pixels);
+      if (held[k] < error.pixels) weights.of_replicate[k] = 0;
+      weights.samples += weights.of_replicate[k];
+    }
     error.degrees = std::max(0, degrees_of(weights));
-    for (double& r : replicate) r /= static_cast<double>(error.pixels);
-    error.image_mean = mean_luminance(replicate, weights);
+    error.image_mean = mean_sum / static_cast<double>(error.pixels);
     floor = 0.01 * error.image_mean;
     if (pixels_for_fireflies > 0) {
       error.firefly_share = static_cast<double>(fireflies) / static_cast<double>(pixels_for_fireflies);
@@ -158,7 +171,7 @@ struct ErrorSums::Impl {
   }
 
   void end_errors() {
-    if (error.pixels == 0 || error.degrees < 1) return;
+    if (pixels == 0 || error.degrees < 1) return;
     const double mse = relative / pixels;
     error.relative_mse = mse;
     error.standard_error = std::sqrt(variance / pixels);
@@ -210,6 +223,7 @@ ErrorEstimate estimate(const Visit& visit, PixelWeights weights) {
 double variance_of_mean(const PixelStats& pixel, const FoldWeights& weights) { return variance_between(replicates_of(pixel), weights); }
 
 RelativeTerm relative_term(const PixelStats& pixel, const FoldWeights& weights, double floor) {
+  if (degrees_of(weights) < 1) return {};
   const std::array<double, kReplicates> replicate = replicates_of(pixel);
   const PixelError e = pixel_error(replicate, weights, floor);
   if (!(e.scale > 0)) return {};

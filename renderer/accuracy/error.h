@@ -68,7 +68,7 @@ inline constexpr int64_t kFireflySamples = 64;
 double variance_of_mean(const PixelStats& pixel, const FoldWeights& weights);
 
 /// Var(x̄)/(x̄² + floor²) of one pixel, plain and without the bias of order 1/n that the noise of x̄ gives it (jackknife; may be
-/// negative). For three replicates with samples at least; black pixels have 0.
+/// negative). Black pixels have 0, and so have pixels with one replicate, of which nothing is known.
 struct RelativeTerm {
   double plain = 0, unbiased = 0;
 };

@@ -44,8 +44,9 @@ Measured measure(const std::filesystem::path& path) {
     m.error.image_mean = sum / static_cast<double>(m.mean.size());
     return m;
   }
-  if (m.info->missing_pixels > 0) throw FilmError(path.string(), fmt::format("{} of its pixels miss samples", m.info->missing_pixels));
   m.error = estimate_error(path);
+  if (m.error.missing_pixels > 0) throw FilmError(path.string(), fmt::format("{} of its pixels miss samples", m.error.missing_pixels));
+  if (m.error.degrees < 1) throw FilmError(path.string(), "some of its pixels have one sample only, which says nothing of its noise");
   m.degrees = m.error.degrees;
   ExrReader reader(path);
   PixelWeights all_weights = m.info->map ? PixelWeights::by_count() : PixelWeights(m.info->samples);

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "renderer/film/atomic_file.h"
+#include "renderer/film/exr.h"
 #include "renderer/film/node.h"
 #include "renderer/film/png.h"
 #include "renderer/film/tile.h"
@@ -35,7 +36,6 @@ Picture read_picture(const std::filesystem::path& path) {
   const auto input = OIIO::ImageInput::open(path.string());
   if (!input) refuse(fmt::format("cannot be read: {}", OIIO::geterror()));
   const OIIO::ImageSpec spec = input->spec();
-  constexpr int64_t kMaxPixels = int64_t{1} << 28;
   if (spec.width < 1 || spec.height < 1 || spec.nchannels > 1024 || int64_t{spec.width} * spec.height > kMaxPixels)
     refuse("its size is beyond what is read");
   int channel[3];

@@ -68,6 +68,9 @@ void write_exr(const std::filesystem::path& path, const FrameHeader& header, std
 /// The same bytes in memory, without a summary.
 std::string encode_exr(const FrameHeader& header, std::span<const Tile> nodes);
 
+/// Pixels of a file's rectangle; more is refused.
+inline constexpr int64_t kMaxPixels = int64_t{1} << 28;
+
 /// Pixels × nodes that are read into memory at once: 6 GB of statistics.
 inline constexpr int64_t kMaxPixelsInMemory = int64_t{1} << 26;
 

@@ -13,7 +13,6 @@ namespace woodcock::exr {
 
 /// Files that claim more are refused.
 inline constexpr int kMaxSide = 65536;
-inline constexpr int64_t kMaxPixels = int64_t{1} << 28;
 inline constexpr size_t kMaxParts = 125;
 
 /// A channel and the place of its float in PixelStats.

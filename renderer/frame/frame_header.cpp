@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "renderer/core/sha256.h"
+#include "renderer/film/exr.h"
 #include "renderer/frame/estimator_settings.h"
 
 namespace woodcock {
@@ -58,6 +59,11 @@ void apply_settings(const FrameSettings& settings, SceneDescription& scene) {
   }
   if (film.pixel_bounds[0] >= film.pixel_bounds[1] || film.pixel_bounds[2] >= film.pixel_bounds[3]) {
     refuse("the crop of the scene file leaves no pixel at this resolution");
+  }
+  const int64_t pixels = int64_t{film.pixel_bounds[1] - film.pixel_bounds[0]} * (film.pixel_bounds[3] - film.pixel_bounds[2]);
+  if (pixels > kMaxPixels) {
+    refuse("resolution: found " + std::to_string(pixels) + " pixels to render, expected at most " + std::to_string(kMaxPixels) +
+           ", which is what a file may hold; render parts with --crop");
   }
   if (settings.samples) {
     if (*settings.samples < 1 || *settings.samples > kMaxSamples) {

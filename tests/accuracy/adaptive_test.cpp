@@ -1,12 +1,14 @@
 // The decision where samples go, with statistics that are made up, and the statistics of blocks.
 #include "renderer/accuracy/adaptive.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
+#include "renderer/accuracy/compare.h"
 #include "renderer/accuracy/error.h"
 #include "renderer/accuracy/error_summary.h"
 #include "renderer/film/merge.h"
@@ -203,6 +205,40 @@ TEST(Adaptive, TheErrorOfAFrameWithAMapWeighsEachPixelByItsOwnSamples) {
   EXPECT_GE(square / pixels, (1 - 1e-4) * std::max(*error.relative_mse, *error.unbiased_relative_mse));
   EXPECT_TRUE(error.firefly_share);  // of the block with 64 samples
   EXPECT_GT(*error.image_mean_half_width, 0);
+}
+
+TEST(Adaptive, BlocksOfOneOrAFewSamplesSpoilNoNumber) {
+  testing::TemporaryFolder folder;
+  const FrameHeader header = testing::some_header(96, 32);
+  for (const std::vector<int64_t>& counts : {std::vector<int64_t>{4, 16, 64}, {1, 2, 16}, {2, 3, 5}, {16, 1, 1}}) {
+    const SampleMap map{header.bounds, counts};
+    write_mapped(folder / "a.exr", header, map);
+    const ErrorEstimate error = estimate_error(folder / "a.exr");
+    double mean = 0;
+    for (const BlockStatistics& block : block_statistics(folder / "a.exr", map)) {
+      mean += block.mean_sum / (96 * 32);
+      EXPECT_TRUE(std::isfinite(block.relative_square));
+    }
+    EXPECT_NEAR(error.image_mean / mean, 1, 1e-6);
+    for (const auto& [name, value] : error_fields(error)) EXPECT_TRUE(std::isfinite(value)) << name;
+    // Replicates that some pixel lacks say nothing of the whole.
+    EXPECT_EQ(error.degrees, std::min<int64_t>(7, *std::min_element(counts.begin(), counts.end()) - 1));
+    std::filesystem::remove(folder / "a.exr");
+  }
+}
+
+TEST(Adaptive, AFrameThatMissesBlocksIsNoPictureToCompareWith) {
+  testing::TemporaryFolder folder;
+  const FrameHeader header = testing::some_header(96, 32);
+  write_mapped(folder / "whole.exr", header, {header.bounds, {16, 16, 16}});
+  write_mapped(folder / "hole.exr", header, {header.bounds, {16, 0, 16}});
+  write_mapped(folder / "one.exr", header, {header.bounds, {16, 1, 16}});
+  const auto refusal = [&](const std::string& a, const std::string& b) {
+    return testing::message_of([&] { test_noise(folder / a, folder / b); });
+  };
+  EXPECT_THAT(refusal("hole.exr", "whole.exr"), ::testing::HasSubstr("1024 of its pixels miss samples"));
+  EXPECT_THAT(refusal("whole.exr", "hole.exr"), ::testing::HasSubstr("1024 of its pixels miss samples"));
+  EXPECT_THAT(refusal("one.exr", "whole.exr"), ::testing::HasSubstr("one sample only"));
 }
 
 TEST(Adaptive, StatisticsDoNotDependOnThePiecesTheyComeIn) {
