@@ -17,7 +17,10 @@ exclude=(--label-exclude '^long$')
 for argument in "$@"; do
   case "$argument" in
     --long) exclude=() ;;
-    --sanitizers) preset=asan ;;
+    --sanitizers)
+      preset=asan
+      export LSAN_OPTIONS="suppressions=$PWD/cmake/leaks.supp"
+      ;;
     -h | --help)
       usage
       exit 0
