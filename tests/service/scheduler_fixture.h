@@ -94,7 +94,8 @@ class SchedulerWorld {
     return pinned;
   }
 
-  OfferStatus finish(const std::string& worker, const Grant& grant, const std::string& digest = std::string(64, 'd')) {
+  // Grants are taken by value: what they are called with may lie in `held`.
+  OfferStatus finish(const std::string& worker, Grant grant, const std::string& digest = std::string(64, 'd')) {
     Offer offer{grant.lease_id, to_string(grant.task), grant.epoch, {grant.result_key, digest, 100, {1, kSecond, 1}, {}}};
     const OfferStatus status = scheduler.offer(offer, worker, true, now).status;
     held[worker].erase(grant.lease_id);
@@ -102,7 +103,7 @@ class SchedulerWorld {
     return status;
   }
 
-  std::vector<Grant> fail(const std::string& worker, const Grant& grant, FailureCause cause = FailureCause::Crash) {
+  std::vector<Grant> fail(const std::string& worker, Grant grant, FailureCause cause = FailureCause::Crash) {
     held[worker].erase(grant.lease_id);
     WorkerReport r = report(worker);
     r.failures.push_back({grant.lease_id, to_string(grant.task), grant.epoch, cause, "it crashed", ""});
