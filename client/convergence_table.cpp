@@ -61,11 +61,13 @@ nlohmann::json convergence_json(const Convergence& record, int threads) {
   if (const auto slope = mse_slope(record.points)) j["mse_slope"] = {{"value", slope->value}, {"half_width", slope->half_width}};
   j["cpu_seconds_per_sample"] = seconds_per_sample(record);
   j["heavy_tail"] = heavy_tail_reason(record.points);
+  const bool timed = seconds_per_sample(record) > 0;
   for (const Prediction& p : predict(record)) {
     nlohmann::json& row = j["predictions"].emplace_back(
         nlohmann::json{{"relative_error", p.error}, {"samples", p.samples}, {"samples_interval", {p.samples_low, p.samples_high}}});
-    if (j["cpu_seconds_per_sample"] > 0) row["more_cpu_seconds"] = p.cpu_seconds;
-    if (row.contains("more_cpu_seconds") && threads > 0) row["more_seconds"] = p.cpu_seconds / threads;
+    if (!timed) continue;
+    row["more_cpu_seconds"] = p.cpu_seconds;
+    if (threads > 0) row["more_seconds"] = p.cpu_seconds / threads;
   }
   return j;
 }

@@ -135,12 +135,14 @@ std::string pass_line(const v1::FrameStatus& frame) {
   return line;
 }
 
+// The coordinator sums in another order: the last digits may differ.
+bool reaches(double relative_error, const v1::SamplingTarget& target) { return relative_error <= target.error() * (1 + 1e-5); }
+
 std::string target_line(const v1::Job& job, const v1::FrameStatus& frame) {
   if (frame.adaptive().closed_blocks() > 0)
     return fmt::format("{} blocks closed: the target is of the others", frame.adaptive().closed_blocks());
   if (!frame.reason().empty()) return frame.reason();
-  // The coordinator sums in another order: the last digits may differ.
-  const bool reached = frame.statistics().has_relative_error() && frame.statistics().relative_error() <= job.target().error() * (1 + 1e-5);
+  const bool reached = frame.statistics().has_relative_error() && reaches(frame.statistics().relative_error(), job.target());
   if (!reached && frame.statistics().relative_error() == 0) return "ended without noise to go by, as in a black picture";
   return reached ? "target reached" : fmt::format("ended by the limit of {} samples per pixel", job.target().max_samples());
 }

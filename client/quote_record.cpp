@@ -22,8 +22,7 @@ struct Totals {
 bool ended_early(const v1::Job& job) {
   if (!job.has_target()) return false;
   const v1::QuoteOutcome& outcome = job.quote_outcome();
-  // The coordinator sums in another order: the last digits may differ.
-  if (job.target().error() > 0) return outcome.relative_error() > job.target().error() * (1 + 1e-5);
+  if (job.target().error() > 0) return !reaches(outcome.relative_error(), job.target());
   return outcome.samples() < static_cast<double>(job.quote().samples()) - 0.5;
 }
 

@@ -31,7 +31,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 /// A frame of 16k × 16k pixels merges in minutes.
 constexpr std::chrono::minutes kTimeLimit{60};
-constexpr rlim_t kMemoryLimit = rlim_t{16} << 30;
+[[maybe_unused]] constexpr rlim_t kMemoryLimit = rlim_t{16} << 30;
 
 /// The powers of two below `samples` that no tile reaches across.
 std::vector<int64_t> prefix_counts(const std::vector<SampleRange>& ranges, int64_t samples) {
@@ -203,12 +203,11 @@ AssembleResult assemble_in_child(const std::string& program, const std::string& 
 }
 
 int assemble_main(const std::string& spec_path) {
-  const rlimit memory{kMemoryLimit, kMemoryLimit}, core{0, 0};
 #ifndef __SANITIZE_ADDRESS__  // its shadow is larger than any limit
+  const rlimit memory{kMemoryLimit, kMemoryLimit};
   ::setrlimit(RLIMIT_AS, &memory);
-#else
-  static_cast<void>(memory);
 #endif
+  const rlimit core{0, 0};
   ::setrlimit(RLIMIT_CORE, &core);
   AssembleResult result;
   try {

@@ -148,6 +148,8 @@ struct Frame {
   std::vector<bool> closed_blocks() const;
   /// With tasks that are not settled: its time was over.
   bool to_be_assembled() const { return row.state == FrameState::Assembling || (unsettled == 0 && deciding); }
+  /// Whether its open tasks are given to workers.
+  bool being_rendered() const { return !has_ended(row.state) && row.state != FrameState::Assembling; }
   /// A task is done by this result, or open again: its worker, cost and counts.
   void add_result(int64_t number, const ResultRecord& result, bool reused);
   void remove_result(int64_t number);

@@ -147,7 +147,7 @@ bool Scheduler::adopt(const LeaseReport& report, const std::string& worker_id, W
   Task* task = ref ? task_of(*ref) : nullptr;
   if (!task || task->state != TaskState::Open || !task->leases.empty()) return false;
   const Frame& frame = *frame_of(*ref);
-  if (has_ended(frame.row.state) || frame.row.state == FrameState::Assembling || !frame.row.pinned || !fits(worker, frame)) return false;
+  if (!frame.being_rendered() || !frame.row.pinned || !fits(worker, frame)) return false;
   if (report.epoch <= task->epoch || report.epoch >> 32 >= options_.leader_term) return false;
   Lease lease;
   lease.id = report.lease_id;
@@ -222,7 +222,7 @@ std::optional<TaskRef> Scheduler::choose(const std::string& worker_id, const Wor
     bool pinning = false;
     for (size_t i = job->first_unfinished; i < job->frames.size(); ++i) {
       Frame& frame = job->frames[i];
-      if (has_ended(frame.row.state) || frame.row.state == FrameState::Assembling || frame.unsettled == 0) continue;
+      if (!frame.being_rendered() || frame.unsettled == 0) continue;
       pinning = pinning || frame.pin_pending;
       if (frame.pin_pending || !fits(worker, frame)) continue;
       if (!frame.row.pinned) {

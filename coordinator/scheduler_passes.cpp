@@ -110,7 +110,7 @@ bool Scheduler::set_target(const std::string& id, const SamplingTarget& target, 
   actions_.push_back(action::SaveJob{id});
   for (size_t i = 0; i < job->frames.size(); ++i) {
     Frame& frame = job->frames[i];
-    if (frame.unsettled > 0 && !has_ended(frame.row.state) && frame.row.state != FrameState::Assembling) continue;
+    if (frame.unsettled > 0 && frame.being_rendered()) continue;
     wake_frame(*job, static_cast<int>(i));
     check_frame(*job, static_cast<int>(i));
   }

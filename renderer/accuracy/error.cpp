@@ -273,6 +273,7 @@ ErrorEstimate estimate_error(const std::filesystem::path& exr) {
 }
 
 std::vector<ErrorEstimate> estimate_prefixes(std::span<const std::filesystem::path> tiles, std::span<const int64_t> counts) {
+  if (counts.empty()) return {};
   std::vector<ErrorSums> sums;
   for (const int64_t n : counts) sums.emplace_back(PixelWeights({0, n}));
   const auto add = [&](size_t i, std::span<const PixelStats> rows) { sums[i].add(rows); };

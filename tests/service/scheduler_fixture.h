@@ -110,6 +110,24 @@ class SchedulerWorld {
     return sync(worker, r);
   }
 
+  /// A second a task: `worker` fails, or finishes, one that it holds.
+  void fail_tasks(const std::string& worker, int tasks) {
+    for (int i = 0; i < tasks; ++i) {
+      now += kSecond;
+      sync(worker);
+      ASSERT_FALSE(held[worker].empty());
+      fail(worker, held[worker].begin()->second);
+    }
+  }
+  void finish_tasks(const std::string& worker, int tasks) {
+    for (int i = 0; i < tasks; ++i) {
+      now += kSecond;
+      sync(worker);
+      ASSERT_FALSE(held[worker].empty());
+      finish(worker, held[worker].begin()->second);
+    }
+  }
+
   /// All that `worker` holds and gets until nothing is left, committed.
   void finish_everything(const std::string& worker) {
     for (int i = 0; i < 10'000; ++i) {

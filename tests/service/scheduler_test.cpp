@@ -206,17 +206,8 @@ TEST(Scheduler, F09AHostThatFailsEverythingIsQuarantinedProbedAndComesBack) {
   SchedulerWorld world;
   world.scheduler.add_job(test_job("j1", 0, 256));
   world.sync("good");
-  for (int i = 0; i < 4; ++i) {
-    world.now += kSecond;
-    world.sync("bad");
-    ASSERT_FALSE(world.held["bad"].empty());
-    world.fail("bad", world.held["bad"].begin()->second);
-  }
-  for (int i = 0; i < 12; ++i) {
-    world.now += kSecond;
-    world.sync("good");
-    world.finish("good", world.held["good"].begin()->second);
-  }
+  world.fail_tasks("bad", 4);
+  world.finish_tasks("good", 12);
   world.held["bad"].clear();
   world.now += 5 * kSecond;
   WorkerReport r = world.report("bad");

@@ -43,18 +43,9 @@ TEST(WorkerList, AWorkerThatFailsWhatOthersDoIsListedAsQuarantined) {
   SchedulerWorld world;
   world.scheduler.add_job(test_job("j1"));
   world.sync("good");
-  for (int i = 0; i < 4; ++i) {
-    world.now += kSecond;
-    world.sync("bad");
-    ASSERT_FALSE(world.held["bad"].empty());
-    world.fail("bad", world.held["bad"].begin()->second);
-  }
+  world.fail_tasks("bad", 4);
   EXPECT_EQ(listed(world).at("bad").condition, WorkerCondition::Ready) << "nobody has shown yet that the tasks can be done";
-  for (int i = 0; i < 12; ++i) {
-    world.now += kSecond;
-    world.sync("good");
-    world.finish("good", world.held["good"].begin()->second);
-  }
+  world.finish_tasks("good", 12);
   EXPECT_EQ(listed(world).at("bad").condition, WorkerCondition::Quarantined);
   EXPECT_EQ(listed(world).at("good").condition, WorkerCondition::Ready);
 }
