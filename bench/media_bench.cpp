@@ -5,7 +5,9 @@
 #include <nanovdb/util/SampleFromVoxels.h>
 #include <openvdb/openvdb.h>
 
+#include <array>
 #include <cstring>
+#include <optional>
 #include <string>
 
 #include "renderer/core/random.h"
@@ -198,6 +200,73 @@ void LookUpsOfFreeFlight(benchmark::State& state) {
   state.SetItemsProcessed(looked_up);
 }
 BENCHMARK(LookUpsOfFreeFlight)->ArgName("sparse")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+
+/// The same loop as a flight meets it: each look-up begins when the one before is known, and a branch on its value that cannot be
+/// predicted lies between them. What is left of this by a free flight is its own share.
+void LookUpsOneByOne(benchmark::State& state) {
+  const Medium& m = thin_medium(state.range(0) != 0);
+  std::vector<Vec3> visited;
+  fly(m, [&](Vec3 p) { visited.push_back(p); });
+  int64_t looked_up = 0;
+  for (auto _ : state) {
+    Stream random(5);
+    float sum = 0, nothing = 0;
+    for (const Vec3& p : visited) {
+      const float sigma_t = m.grey_sigma_t(p + nothing);
+      if (random.uniform() * m.maximum_sigma_t() < sigma_t) sum += 1;
+      nothing = sigma_t * 0.0f;
+    }
+    benchmark::DoNotOptimize(sum);
+    looked_up += static_cast<int64_t>(visited.size());
+  }
+  state.SetItemsProcessed(looked_up);
+}
+BENCHMARK(LookUpsOneByOne)->ArgName("sparse")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
+
+/// Free flights of many rays in step: look-ups of different rays do not wait for each other. What a path loop could gain that follows
+/// many paths at once.
+void FreeFlightsInStep(benchmark::State& state) {
+  const Medium& m = thin_medium(state.range(0) != 0);
+  constexpr size_t kAtOnce = 16;
+  int64_t looked_up = 0;
+  for (auto _ : state) {
+    float sum = 0;
+    std::vector<Stream> random;
+    for (size_t i = 0; i < kAtOnce; ++i) random.emplace_back(4 + i);
+    std::array<std::optional<TentativeCollisions>, kAtOnce> collisions;
+    std::array<const Ray*, kAtOnce> rays{};
+    std::array<Vec3, kAtOnce> p{};
+    std::array<float, kAtOnce> sigma_t{};
+    size_t next_ray = 0, active = 0;
+    do {
+      active = 0;
+      for (size_t i = 0; i < kAtOnce; ++i) {
+        while (true) {
+          if (collisions[i] && collisions[i]->next()) break;
+          collisions[i].reset();
+          if (next_ray == flights().size()) break;
+          rays[i] = &flights()[next_ray++];
+          collisions[i].emplace(m, *rays[i], kInf, random[i]);
+        }
+        if (!collisions[i]) continue;
+        p[i] = rays[i]->at(collisions[i]->t());
+        ++active;
+      }
+      for (size_t i = 0; i < kAtOnce; ++i) sigma_t[i] = m.grey_sigma_t(p[i]);
+      for (size_t i = 0; i < kAtOnce; ++i) {
+        if (!collisions[i]) continue;
+        if (random[i].uniform() * collisions[i]->majorant() < sigma_t[i]) {
+          sum += collisions[i]->t();
+          collisions[i].reset();
+        }
+      }
+      looked_up += static_cast<int64_t>(active);
+    } while (active > 0);
+    benchmark::DoNotOptimize(sum);
+  }
+  state.SetItemsProcessed(looked_up);
+}
+BENCHMARK(FreeFlightsInStep)->ArgName("sparse")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
 
 void WalkSegments(benchmark::State& state) {
   const Medium& m = medium(state.range(0) != 0);

@@ -27,6 +27,8 @@ Convergence convergence_of(const v1::GetFrameResponse& response);
 
 /// "pass 3, 12 of 40 blocks".
 std::string pass_line(const v1::FrameStatus& frame);
+/// "relative error 2 %, 30 s of rendering at most, 4096 samples per pixel at most".
+std::string describe_target(const v1::SamplingTarget& target);
 /// Whether a frame with this relative error has reached the target, whose error is not 0.
 bool reaches(double relative_error, const v1::SamplingTarget& target);
 /// Whether a frame that has ended reached its job's target, or what ended it.

@@ -39,18 +39,12 @@ double percent(const v1::Progress& progress) {
   return 100 * static_cast<double>(progress.samples_done()) / static_cast<double>(progress.samples_total());
 }
 
-std::string describe(const v1::SamplingTarget& target) {
-  std::string text = fmt::format("{} samples per pixel at most", target.max_samples());
-  if (target.max_seconds() > 0) text = fmt::format("{} of rendering at most, ", format_seconds(target.max_seconds())) + text;
-  return target.error() > 0 ? fmt::format("relative error {:.3g} %, ", 100 * target.error()) + text : text;
-}
-
 void print_job(const v1::Job& job) {
   const v1::Progress& progress = job.progress();
   fmt::print("job       {}  {}\n", job.job_id(), job.name());
   fmt::print("state     {}{}{}\n", state_name(job.state()), job.state_reason().empty() ? "" : ": ", job.state_reason());
   if (job.has_target())
-    fmt::print("target    {}\n", describe(job.target()));
+    fmt::print("target    {}\n", describe_target(job.target()));
   else
     fmt::print("samples   {} per pixel, {:.1f} % done\n", job.settings().samples(), percent(progress));
   fmt::print("tasks     {} of {} done, {} leased, {} given up\n", progress.tasks_done(), progress.tasks_total(), progress.tasks_leased(),
@@ -85,16 +79,7 @@ void report(const v1::Job& job, bool json) {
 
 /// All jobs, newest first, without their frames.
 std::vector<v1::Job> list_jobs(Service& service) {
-  std::vector<v1::Job> jobs;
-  v1::ListJobsRequest request;
-  request.set_page_size(1000);
-  do {
-    v1::ListJobsResponse response;
-    service.call(&v1::JobsService::Stub::ListJobs, request, response, "listing the jobs");
-    jobs.insert(jobs.end(), response.jobs().begin(), response.jobs().end());
-    request.set_page_token(response.next_page_token());
-  } while (!request.page_token().empty());
-  return jobs;
+  return service.list(&v1::JobsService::Stub::ListJobs, v1::ListJobsRequest(), &v1::ListJobsResponse::jobs, "listing the jobs");
 }
 
 void print_jobs(const std::vector<v1::Job>& jobs, bool json) {

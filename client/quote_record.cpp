@@ -18,6 +18,9 @@ struct Totals {
   int unfinished = 0, extended = 0, ended_early = 0, unknown = 0;
 };
 
+/// Whether what a job became can be held against its quote.
+enum class Comparison { kPossible, kNotDone, kExtended, kEndedEarly, kErrorUnknown };
+
 /// A limit of samples or of time ended the job before it was where the quote is.
 bool ended_early(const v1::Job& job) {
   if (!job.has_target()) return false;
@@ -26,33 +29,47 @@ bool ended_early(const v1::Job& job) {
   return outcome.samples() < static_cast<double>(job.quote().samples()) - 0.5;
 }
 
+Comparison comparison_of(const v1::Job& job) {
+  if (!job.has_quote_outcome()) return Comparison::kNotDone;
+  if (job.quote_outcome().extended()) return Comparison::kExtended;
+  if (!job.quote_outcome().has_relative_error()) return Comparison::kErrorUnknown;
+  return ended_early(job) ? Comparison::kEndedEarly : Comparison::kPossible;
+}
+
 Totals total(const std::vector<v1::Job>& jobs) {
   Totals t;
   for (const v1::Job& job : jobs) {
-    if (!job.has_quote_outcome()) {
-      ++t.unfinished;
-    } else if (job.quote_outcome().extended()) {
-      ++t.extended;
-    } else if (const auto verdict = judge_quote(job)) {
+    const Comparison comparison = comparison_of(job);
+    t.unfinished += comparison == Comparison::kNotDone;
+    t.extended += comparison == Comparison::kExtended;
+    t.ended_early += comparison == Comparison::kEndedEarly;
+    t.unknown += comparison == Comparison::kErrorUnknown;
+    if (const auto verdict = judge_quote(job)) {
       const bool both = verdict->samples_hold && verdict->cpu_hold;
       ++t.finished;
       t.samples_held += verdict->samples_hold;
       t.cpu_held += verdict->cpu_hold;
       t.both_held += both;
       t.uncertain += !both && !job.quote().uncertain().empty();
-    } else if (job.quote_outcome().has_relative_error()) {
-      ++t.ended_early;
-    } else {
-      ++t.unknown;
     }
   }
   return t;
 }
 
 std::string why_not_compared(const v1::Job& job) {
-  if (!job.has_quote_outcome()) return state_name(job.state());
-  if (job.quote_outcome().extended()) return "extended since";
-  return job.quote_outcome().has_relative_error() ? "ended by a limit" : "its error is not known";
+  switch (comparison_of(job)) {
+    case Comparison::kPossible:
+      return "";
+    case Comparison::kNotDone:
+      return state_name(job.state());
+    case Comparison::kExtended:
+      return "extended since";
+    case Comparison::kEndedEarly:
+      return "ended by a limit";
+    case Comparison::kErrorUnknown:
+      return "its error is not known";
+  }
+  return "";
 }
 
 json totals_json(const Totals& t) {
@@ -85,9 +102,8 @@ void print_row(const v1::Job& job) {
 }  // namespace
 
 std::optional<QuoteVerdict> judge_quote(const v1::Job& job) {
-  if (!job.has_quote() || !job.has_quote_outcome()) return std::nullopt;
+  if (!job.has_quote() || comparison_of(job) != Comparison::kPossible) return std::nullopt;
   const v1::QuoteOutcome& outcome = job.quote_outcome();
-  if (outcome.extended() || !outcome.has_relative_error() || ended_early(job)) return std::nullopt;
   QuoteVerdict verdict;
   const double ratio = outcome.relative_error() / job.quote().relative_error();
   verdict.samples_needed = outcome.samples() * ratio * ratio;
@@ -116,9 +132,9 @@ std::string outcome_line(const v1::Job& job) {
   if (verdict)
     line += fmt::format("; {:.3g} % took {:.0f} samples ({:+.1f} %)", 100 * job.quote().relative_error(), verdict->samples_needed,
                         100 * verdict->samples_off);
-  else if (outcome.extended())
+  else if (comparison_of(job) == Comparison::kExtended)
     line += "; extended since its quote: the two cannot be compared";
-  else if (outcome.has_relative_error())
+  else if (comparison_of(job) == Comparison::kEndedEarly)
     line += "; ended by a limit before it was where the quote is";
   return line;
 }

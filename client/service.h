@@ -6,6 +6,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "rpc/channel.h"
 #include "rpc/limits.h"
@@ -47,6 +48,23 @@ class Service {
           return (jobs_.get()->*method)(&context, request, &response);
         },
         what);
+  }
+
+  /// Every item of a list that comes in pages, e.g. list(&v1::JobsService::Stub::ListJobs, v1::ListJobsRequest(),
+  /// &v1::ListJobsResponse::jobs, "listing the jobs"). Throws rpc::RpcError.
+  template <typename Request, typename Response, typename Item>
+  std::vector<Item> list(grpc::Status (v1::JobsService::Stub::*method)(grpc::ClientContext*, const Request&, Response*), Request request,
+                         const google::protobuf::RepeatedPtrField<Item>& (Response::*items)() const, const std::string& what) {
+    constexpr int kPage = 1000;
+    std::vector<Item> all;
+    request.set_page_size(kPage);
+    do {
+      Response response;
+      call(method, request, response, what);
+      all.insert(all.end(), (response.*items)().begin(), (response.*items)().end());
+      request.set_page_token(response.next_page_token());
+    } while (!request.page_token().empty());
+    return all;
   }
 
  private:

@@ -119,11 +119,9 @@ int run(const SubmitOptions& options) {
   const bool follow = options.watch || !options.output.empty();
   if (!options.json && !follow) {
     fmt::print("{}\n", id);
-    std::string aim = options.target.error ? fmt::format("a relative error of {:.3g} %, ", 100 * *options.target.error) : "";
-    if (options.target.max_seconds) aim += fmt::format("at most {} of rendering, ", format_seconds(*options.target.max_seconds));
-    if (!aim.empty()) aim += "at most ";
-    fmt::print(stderr, "job {}: {} frame{} of {}{} samples per pixel; follow it with: woodcock watch {}\n", id, last - first + 1,
-               last == first ? "" : "s", aim, submission.request.settings().samples(), id);
+    const v1::SubmitJobRequest& job = submission.request;
+    fmt::print(stderr, "job {}: {} frame{}, {}; follow it with: woodcock watch {}\n", id, last - first + 1, last == first ? "" : "s",
+               job.has_target() ? describe_target(job.target()) : fmt::format("{} samples per pixel", job.settings().samples()), id);
   }
   int code = 0;
   if (follow) {

@@ -70,17 +70,9 @@ v1::Job wait_for(Service& service, const std::string& id, const WorkerPilotOptio
 }
 
 std::vector<v1::TaskResult> results_of(Service& service, const std::string& job) {
-  std::vector<v1::TaskResult> results;
   v1::ListResultsRequest request;
   request.set_job_id(job);
-  request.set_page_size(1000);
-  do {
-    v1::ListResultsResponse response;
-    service.call(&v1::JobsService::Stub::ListResults, request, response, "asking what job " + job + " cost");
-    results.insert(results.end(), response.results().begin(), response.results().end());
-    request.set_page_token(response.next_page_token());
-  } while (!request.page_token().empty());
-  return results;
+  return service.list(&v1::JobsService::Stub::ListResults, request, &v1::ListResultsResponse::results, "asking what job " + job + " cost");
 }
 
 }  // namespace

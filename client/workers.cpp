@@ -58,16 +58,8 @@ void print_workers(const std::vector<v1::WorkerStatus>& workers, const std::stri
 }  // namespace
 
 std::vector<v1::WorkerStatus> list_workers(Service& service) {
-  std::vector<v1::WorkerStatus> workers;
-  v1::ListWorkersRequest request;
-  request.set_page_size(1000);
-  do {
-    v1::ListWorkersResponse response;
-    service.call(&v1::JobsService::Stub::ListWorkers, request, response, "listing the workers");
-    workers.insert(workers.end(), response.workers().begin(), response.workers().end());
-    request.set_page_token(response.next_page_token());
-  } while (!request.page_token().empty());
-  return workers;
+  return service.list(&v1::JobsService::Stub::ListWorkers, v1::ListWorkersRequest(), &v1::ListWorkersResponse::workers,
+                      "listing the workers");
 }
 
 void add_workers_command(CLI::App& app, int& code) {

@@ -5,6 +5,7 @@
 // Each purpose has numbers of its own: leaving an effect out shifts no other.
 #pragma once
 
+#include <bit>
 #include <cstdint>
 
 #include "renderer/core/sobol.h"
@@ -45,6 +46,21 @@ inline uint64_t hash_combine(uint64_t h, uint64_t value) { return mix64(h ^ (val
 /// The seed of one frame of a job: hash(job seed, frame number).
 inline uint64_t frame_seed(uint64_t seed, uint64_t frame) { return hash_combine(hash_combine(0x576f6f64636f636bULL, seed), frame); }
 
+/// −ln x for x in [2⁻⁵³, 1], within 1e-10 of the value. Of + − × ÷ only, so that distances have the same bits with every C library;
+/// and in half the time of a call to log1p, of which a free flight has one for each collision.
+///
+/// x = 2ᵏ m with m in [√½, √2), and ln m = 2 artanh s, s = (m − 1)/(m + 1), by its series up to s¹¹; m − 1 is exact, so that the
+/// result is as good next to x = 1.
+inline double minus_log(double x) {
+  constexpr uint64_t kSqrtHalf = 0x3fe6a09e667f3bcdULL, kMantissa = (1ULL << 52) - 1;
+  const auto bits = std::bit_cast<uint64_t>(x) - kSqrtHalf;
+  const auto k = static_cast<int64_t>(bits) >> 52;
+  const auto m = std::bit_cast<double>((bits & kMantissa) + kSqrtHalf);
+  const double f = m - 1, s = f / (2 + f), z = s * s;
+  const double series = 1 + z * (1.0 / 3 + z * (1.0 / 5 + z * (1.0 / 7 + z * (1.0 / 9 + z * (1.0 / 11)))));
+  return static_cast<double>(-k) * 0.69314718055994530942 - 2 * s * series;
+}
+
 /// The point of a low-discrepancy sequence that takes the place of a stream's first draw.
 struct LeadingPoint {
   uint64_t sequence = 0;  ///< names the sequence
@@ -77,8 +93,8 @@ class Stream {
     const uint64_t u = next_u64();
     return {static_cast<float>(u >> 40) * 0x1p-24f, static_cast<float>((u >> 8) & 0xffffff) * 0x1p-24f};
   }
-  /// Exponentially distributed with mean 1, in [0, 36.8): −log1p(−u) with u < 1 by construction.
-  float exponential() { return static_cast<float>(-std::log1p(-uniform_double())); }
+  /// Exponentially distributed with mean 1, in [0, 36.8): −ln(1 − u) with 1 − u exact and positive by construction.
+  float exponential() { return static_cast<float>(minus_log(1 - uniform_double())); }
 
  private:
   Vec2 take_leading() {

@@ -30,9 +30,11 @@ class GridMap {
     return c;
   }
   /// The same in double.
-  DVec3 point_exact(DVec3 p) const { return DVec3(exact_ * glm::dvec4(p, 1)); }
+  DVec3 point_exact(DVec3 p) const {
+    return (DVec3(exact_[0]) * p.x + DVec3(exact_[1]) * p.y) + (DVec3(exact_[2]) * p.z + DVec3(exact_[3]));
+  }
   /// Cells per render unit along a direction.
-  DVec3 vector_exact(DVec3 v) const { return DVec3(exact_ * glm::dvec4(v, 0)); }
+  DVec3 vector_exact(DVec3 v) const { return (DVec3(exact_[0]) * v.x + DVec3(exact_[1]) * v.y) + DVec3(exact_[2]) * v.z; }
   DMat4 render_from_cell() const { return glm::inverse(exact_); }
   /// The edge of a cube with the volume of one cell, in render units.
   double cell_edge() const { return 1 / std::cbrt(std::abs(glm::determinant(glm::dmat3(exact_)))); }

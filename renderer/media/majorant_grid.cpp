@@ -122,74 +122,49 @@ MajorantGrid choose_brick_edge(MajorantGrid finest) {
 
 BrickWalk::BrickWalk(const MajorantGrid& grid, const Ray& ray, float t_max, double margin) {
   const DVec3 o = grid.map().point_exact(DVec3(ray.o)), d = grid.map().vector_exact(DVec3(ray.d));
-  const CellBox box{grid.box().lower - margin, grid.box().upper + margin};
+  const CellBox& box = grid.box();
   // Clip to the box. A ray parallel to a pair of faces is inside when it lies between or on them; dividing by its
   // zero (of either sign) is never tried.
   double t0 = 0, t1 = t_max;
   double inverse[3];
   for (int i = 0; i < 3; ++i) {
     inverse[i] = 1 / d[i];
+    const double lower = box.lower[i] - margin, upper = box.upper[i] + margin;
     if (!std::isfinite(inverse[i])) {
-      if (!(o[i] >= box.lower[i] && o[i] <= box.upper[i])) return;
+      if (!(o[i] >= lower && o[i] <= upper)) return;
       continue;
     }
-    double a = (box.lower[i] - o[i]) * inverse[i], b = (box.upper[i] - o[i]) * inverse[i];
-    if (a > b) std::swap(a, b);
-    t0 = std::max(t0, a);
-    t1 = std::min(t1, b);
+    const double a = (lower - o[i]) * inverse[i], b = (upper - o[i]) * inverse[i];
+    t0 = std::max(t0, std::min(a, b));
+    t1 = std::min(t1, std::max(a, b));
   }
   t_ = static_cast<float>(t0);
   t_end_ = static_cast<float>(t1);
   if (!(t_ < t_end_)) return;
 
-  const double edge = grid.edge();
+  const double edge = grid.edge(), per_edge = 1 / edge;  // exact: edges are powers of two
   const IVec3 size = grid.size();
-  IVec3 brick;
   const ptrdiff_t unit[3] = {1, size.x, static_cast<ptrdiff_t>(size.x) * size.y};
   for (int i = 0; i < 3; ++i) {
-    // The outermost bricks reach to the ends of the box.
-    brick[i] = static_cast<int>(std::clamp(std::floor((o[i] + t0 * d[i]) / edge), 0.0, size[i] - 1.0));
+    // The outermost bricks reach to the ends of the box. The sign of a direction is as good as random: no branches on it.
+    const double last = size[i] - 1.0, forward = d[i] > 0 ? 1 : 0;
+    const auto brick = static_cast<int>(std::clamp((o[i] + t0 * d[i]) * per_edge, 0.0, last));
+    brick_ += brick * unit[i];
     steps_[i] = 0;
     if (!std::isfinite(inverse[i])) {
-      left_[i] = 0;
+      last_step_[i] = face_dt_[i] = 0;
       stride_[i] = 0;
       face_t_[i] = next_t_[i] = std::numeric_limits<double>::infinity();
-      face_dt_[i] = 0;
       continue;
     }
-    const bool forward = d[i] > 0;
-    left_[i] = forward ? size[i] - 1 - brick[i] : brick[i];
-    stride_[i] = forward ? unit[i] : -unit[i];
-    face_t_[i] = ((brick[i] + (forward ? 1 : 0)) * edge - o[i]) * inverse[i];
+    const double b = brick;
+    last_step_[i] = b + forward * (last - 2 * b);
+    stride_[i] = unit[i] * (2 * static_cast<ptrdiff_t>(forward) - 1);
+    face_t_[i] = ((b + forward) * edge - o[i]) * inverse[i];
     face_dt_[i] = edge * std::abs(inverse[i]);
-    next_t_[i] = left_[i] > 0 ? face_t_[i] : std::numeric_limits<double>::infinity();
+    next_t_[i] = last_step_[i] > 0 ? face_t_[i] : std::numeric_limits<double>::infinity();
   }
   bounds_ = grid.data();
-  brick_ = static_cast<ptrdiff_t>(grid.offset(brick));
-}
-
-std::optional<MajorantSegment> BrickWalk::next() {
-  while (bounds_ != nullptr) {
-    // The nearest face; of equally near ones the first axis steps first, and the others follow over segments of
-    // length zero. Each step lowers `left_`, so the walk ends.
-    const int axis = next_t_[0] <= next_t_[1] ? (next_t_[0] <= next_t_[2] ? 0 : 2) : (next_t_[1] <= next_t_[2] ? 1 : 2);
-    const BrickBounds bounds = bounds_[brick_];
-    const float t0 = t_;
-    float t1 = static_cast<float>(next_t_[axis]);
-    if (t1 < t_end_) {
-      brick_ += stride_[axis];
-      --left_[axis];
-      ++steps_[axis];
-      next_t_[axis] = left_[axis] > 0 ? face_t_[axis] + steps_[axis] * face_dt_[axis] : std::numeric_limits<double>::infinity();
-    } else {
-      t1 = t_end_;
-      bounds_ = nullptr;
-    }
-    if (!(t1 > t0)) continue;
-    t_ = t1;
-    if (bounds.upper > 0) return MajorantSegment{t0, t1, bounds.upper, bounds.lower};
-  }
-  return std::nullopt;
 }
 
 }  // namespace woodcock

@@ -7,6 +7,7 @@
 // interpolant is that value to the bit, and both bounds are equal to it.
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -101,11 +102,37 @@ class BrickWalk {
   const BrickBounds* bounds_ = nullptr;  ///< null when the walk is over
   ptrdiff_t brick_ = 0;                  ///< offset of the current brick
   ptrdiff_t stride_[3];                  ///< to the next brick along the ray, per axis
-  int left_[3];                          ///< bricks that may still be entered along each axis
   double next_t_[3];                     ///< where the ray leaves the current brick, per axis
   double face_t_[3], face_dt_[3];        ///< next_t = face_t + steps · face_dt: no accumulated error
-  int steps_[3];
+  double steps_[3], last_step_[3];       ///< bricks entered along each axis, and that may be
   float t_ = 0, t_end_ = 0;
 };
+
+// Here, so that loops over it keep its state where they like: this and the start of a walk are most of a free flight.
+inline std::optional<MajorantSegment> BrickWalk::next() {
+  while (bounds_ != nullptr) {
+    // The nearest face; of equally near ones the first axis steps first, and the others follow over segments of
+    // length zero. Each step uses up one of finitely many, so the walk ends. Which axis it is cannot be predicted, so
+    // nothing branches on it.
+    int axis = next_t_[1] < next_t_[0] ? 1 : 0;
+    axis = next_t_[2] < next_t_[axis] ? 2 : axis;
+    const BrickBounds bounds = bounds_[brick_];
+    const float t0 = t_;
+    float t1 = static_cast<float>(next_t_[axis]);
+    if (t1 < t_end_) {
+      brick_ += stride_[axis];
+      steps_[axis] += 1;
+      const double face = face_t_[axis] + steps_[axis] * face_dt_[axis];
+      next_t_[axis] = steps_[axis] < last_step_[axis] ? face : std::numeric_limits<double>::infinity();
+    } else {
+      t1 = t_end_;
+      bounds_ = nullptr;
+    }
+    if (!(t1 > t0)) continue;
+    t_ = t1;
+    if (bounds.upper > 0) return MajorantSegment{t0, t1, bounds.upper, bounds.lower};
+  }
+  return std::nullopt;
+}
 
 }  // namespace woodcock

@@ -101,11 +101,13 @@ class Medium {
   double mean_sigma_t() const { return mean_sigma_t_; }
   /// The diagonal of the box in render units; of a sum, that of its smallest part. Infinite for homogeneous media.
   double diagonal() const;
-  /// The bricks of a medium that is neither homogeneous nor a sum.
+  /// Only where `has_bricks()`.
   const MajorantGrid& majorants() const { return majorants_; }
   /// Where the emission of a medium that is not homogeneous comes from; null where there is none. That of the homogeneous
   /// parts of a sum is left out.
   const EmissionBricks* emission_bricks() const { return emission_bricks_.get(); }
+  /// It is neither homogeneous nor a sum.
+  bool has_bricks() const { return kind_ == Kind::kGrid || kind_ == Kind::kRgbGrid; }
   /// What a sum is made of; empty for other media.
   std::span<const std::shared_ptr<const Medium>> parts() const { return parts_; }
 
@@ -171,47 +173,36 @@ class Media {
   std::vector<std::string> notes_;
 };
 
+class SumWalk;
+
 /// The parts of a ray where a medium may interact, front to back, each with bounds of σt. Parts in between are empty.
 class MajorantWalk {
  public:
   /// `ray.d` has unit length; the walk covers [0, t_max], and t_max may be infinite. Without `bricks` it is one segment,
   /// with the bound of the whole medium.
-  MajorantWalk(const Medium& medium, const Ray& ray, float t_max, bool bricks = true) {
-    if (medium.is_homogeneous()) {
-      if (medium.maximum_sigma_t() > 0 && t_max > 0) whole_ = whole_of(medium, t_max);
-    } else if (!bricks) {
-      whole_ = whole_box_of(medium, ray, t_max);
-    } else if (medium.parts().empty()) {
-      bricks_ = BrickWalk(medium.majorants(), ray, t_max);
-    } else {
-      enter_parts(medium, ray, t_max);
-    }
+  MajorantWalk(const Medium& medium, const Ray& ray, float t_max, bool bricks = true)
+      : bricks_(bricks && medium.has_bricks() ? BrickWalk(medium.majorants(), ray, t_max) : BrickWalk()) {
+    if (!bricks || !medium.has_bricks()) enter(medium, ray, t_max, bricks);
   }
+
   /// The next segment, or nothing at the end.
   std::optional<MajorantSegment> next() {
+    if (sum_) return next_of(*sum_);
     if (whole_) return std::exchange(whole_, std::nullopt);
-    if (!parts_.empty()) return next_of_parts();
     return bricks_.next();
   }
 
  private:
-  /// One part of a sum, and its segment that holds `t_` or comes next.
-  struct Part {
-    std::optional<MajorantSegment> segment;
-    BrickWalk bricks;
+  struct DeleteSum {
+    void operator()(SumWalk* sum) const;
   };
 
-  static MajorantSegment whole_of(const Medium& medium, float t_max) {
-    return {0, t_max, medium.maximum_sigma_t(), min_component(medium.homogeneous().sigma_t)};
-  }
-  static std::optional<MajorantSegment> whole_box_of(const Medium& medium, const Ray& ray, float t_max);
-  void enter_parts(const Medium& sum, const Ray& ray, float t_max);
-  std::optional<MajorantSegment> next_of_parts();
+  void enter(const Medium& medium, const Ray& ray, float t_max, bool bricks);
+  static std::optional<MajorantSegment> next_of(SumWalk& sum);
 
-  std::optional<MajorantSegment> whole_;
   BrickWalk bricks_;
-  std::vector<Part> parts_;  ///< of a sum
-  float t_ = 0;              ///< where the next segment of a sum begins, or later
+  std::optional<MajorantSegment> whole_;
+  std::unique_ptr<SumWalk, DeleteSum> sum_;
 };
 
 /// σs/σt per channel; 0 where there is no extinction.

@@ -49,30 +49,56 @@ PhaseMix Medium::mixed_phase(Vec3 p) const {
   return {{phases.data(), count}, {sigma_s.data(), count}};
 }
 
-std::optional<MajorantSegment> MajorantWalk::whole_box_of(const Medium& medium, const Ray& ray, float t_max) {
+/// The walk through media that overlap.
+class SumWalk {
+ public:
+  SumWalk(const Medium& sum, const Ray& ray, float t_max);
+  std::optional<MajorantSegment> next();
+
+ private:
+  /// One part of the sum, and its segment that holds `t_` or comes next.
+  struct Part {
+    std::optional<MajorantSegment> segment;
+    BrickWalk bricks;
+  };
+
+  std::vector<Part> parts_;
+  float t_ = 0;  ///< where the next segment begins, or later
+};
+
+namespace {
+
+std::optional<MajorantSegment> whole_of(const Medium& homogeneous, float t_max) {
+  if (!(homogeneous.maximum_sigma_t() > 0) || !(t_max > 0)) return std::nullopt;
+  return MajorantSegment{0, t_max, homogeneous.maximum_sigma_t(), min_component(homogeneous.homogeneous().sigma_t)};
+}
+
+std::optional<MajorantSegment> whole_box_of(const Medium& medium, const Ray& ray, float t_max) {
   const Extent extent = extent_of(medium, ray, t_max);
   const auto t0 = static_cast<float>(extent.begin), t1 = static_cast<float>(extent.end);
   if (!(t0 < t1) || !(medium.maximum_sigma_t() > 0)) return std::nullopt;
   return MajorantSegment{t0, t1, medium.maximum_sigma_t(), 0};
 }
 
-void MajorantWalk::enter_parts(const Medium& sum, const Ray& ray, float t_max) {
+}  // namespace
+
+SumWalk::SumWalk(const Medium& sum, const Ray& ray, float t_max) {
   // Rounding may put a point outside of a grid's box, where the bound is that of the others alone, into it. Bounds hold a
   // little beyond the box.
   constexpr double kMargin = 0x1p-8;  // cells
   for (const auto& part : sum.parts()) {
     Part entered;
-    if (!part->is_homogeneous()) {
+    if (part->has_bricks()) {
       entered.bricks = BrickWalk(part->majorants(), ray, t_max, kMargin);
       entered.segment = entered.bricks.next();
-    } else if (part->maximum_sigma_t() > 0 && t_max > 0) {
+    } else {
       entered.segment = whole_of(*part, t_max);
     }
     parts_.push_back(entered);
   }
 }
 
-std::optional<MajorantSegment> MajorantWalk::next_of_parts() {
+std::optional<MajorantSegment> SumWalk::next() {
   // Between two ends of parts' segments the bounds add. Sums run over the parts in order, as those of coefficients do, so
   // that rounding is the same in both and the bounds hold to the bit.
   while (true) {
@@ -97,5 +123,19 @@ std::optional<MajorantSegment> MajorantWalk::next_of_parts() {
     if (inside) return sum;
   }
 }
+
+void MajorantWalk::DeleteSum::operator()(SumWalk* sum) const { delete sum; }
+
+void MajorantWalk::enter(const Medium& medium, const Ray& ray, float t_max, bool bricks) {
+  if (medium.is_homogeneous()) {
+    whole_ = whole_of(medium, t_max);
+  } else if (!bricks) {
+    whole_ = whole_box_of(medium, ray, t_max);
+  } else {
+    sum_.reset(new SumWalk(medium, ray, t_max));
+  }
+}
+
+std::optional<MajorantSegment> MajorantWalk::next_of(SumWalk& sum) { return sum.next(); }
 
 }  // namespace woodcock

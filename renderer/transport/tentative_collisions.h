@@ -28,45 +28,53 @@ class TentativeCollisions {
   /// Moves to the next collision; false at the end of the ray.
   bool next() {
     double depth = random_.exponential();
-    while (true) {
-      if (!segment_) {
-        segment_ = walk_.next();
-        if (!segment_) return false;
-        segment_->sigma = std::max(segment_->sigma, least_rate_);
-        t_ = segment_->t0;
-        rate_ = segment_->sigma;
-        if (collide_ == Collide::kAboveLowerBound && segment_->lower > 0) {
-          rate_ -= segment_->lower;
-          lower_depth_ += static_cast<double>(segment_->lower) * (static_cast<double>(segment_->t1) - static_cast<double>(segment_->t0));
-        }
-      }
+    while (inside_ || enter_next()) {
       // In double, so that a step far smaller than t still moves. A rate of zero may meet an endless segment.
-      const double to_end = rate_ > 0 ? (static_cast<double>(segment_->t1) - t_) * static_cast<double>(rate_) : 0;
+      const double to_end = rate_ > 0 ? (static_cast<double>(segment_.t1) - t_) * static_cast<double>(rate_) : 0;
       if (depth < to_end) {
         t_ += depth / static_cast<double>(rate_);
         return true;
       }
       depth = std::max(0.0, depth - to_end);
-      segment_.reset();
+      inside_ = false;
     }
+    return false;
   }
 
   float t() const { return static_cast<float>(t_); }
-  float majorant() const { return segment_->sigma; }
+  float majorant() const { return segment_.sigma; }
   /// The rate of collisions here, and the part of σt that does not collide.
   float rate() const { return rate_; }
-  float lower() const { return collide_ == Collide::kAboveLowerBound ? segment_->lower : 0; }
-  /// What the lower bounds let through of the segments entered so far, all of each; 1 where all of the majorant collides.
+  float lower() const { return collide_ == Collide::kAboveLowerBound ? segment_.lower : 0; }
+  /// The optical depth of the lower bounds over the segments entered so far, all of each; 0 where all of the majorant collides.
+  float lower_depth() const { return static_cast<float>(lower_depth_); }
+  /// What these let through.
   float lower_transmittance() const { return lower_depth_ > 0 ? static_cast<float>(std::exp(-lower_depth_)) : 1; }
   /// σt is the majorant all over the segment, to rounding.
-  bool in_constant_brick() const { return segment_->lower == segment_->sigma; }
+  bool in_constant_brick() const { return segment_.lower == segment_.sigma; }
 
  private:
+  bool enter_next() {
+    const std::optional<MajorantSegment> segment = walk_.next();
+    if (!segment) return false;
+    inside_ = true;
+    segment_ = *segment;
+    segment_.sigma = std::max(segment_.sigma, least_rate_);
+    t_ = static_cast<double>(segment_.t0);
+    rate_ = segment_.sigma;
+    if (collide_ == Collide::kAboveLowerBound && segment_.lower > 0) {
+      rate_ -= segment_.lower;
+      lower_depth_ += static_cast<double>(segment_.lower) * (static_cast<double>(segment_.t1) - static_cast<double>(segment_.t0));
+    }
+    return true;
+  }
+
   MajorantWalk walk_;
   Stream& random_;
   float least_rate_;
   Collide collide_;
-  std::optional<MajorantSegment> segment_;
+  bool inside_ = false;  ///< `segment_` is not used up
+  MajorantSegment segment_{};
   float rate_ = 0;
   double t_ = 0, lower_depth_ = 0;
 };
