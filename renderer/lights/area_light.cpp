@@ -57,11 +57,10 @@ Rgb AreaLight::radiance(uint32_t primitive, Vec2 uv) const {
   return radiance;
 }
 
-std::optional<LightSample> AreaLight::sample(Vec3 ref, Vec2 u, float u_primitive) const {
+std::optional<LightSample> AreaLight::sample(Vec3 ref, Vec2 u, double u_primitive) const {
   if (opacity_kind_ == Opacity::kTextured) return std::nullopt;
   const DVec3 from(ref);
-  const std::optional<EmitterSample> point =
-      std::visit([&](const auto& e) { return e.sample(from, DVec2(u), static_cast<double>(u_primitive)); }, emitter_);
+  const std::optional<EmitterSample> point = std::visit([&](const auto& e) { return e.sample(from, DVec2(u), u_primitive); }, emitter_);
   if (!point || (!two_sided_ && !(glm::dot(point->ng, point->wi) < 0))) return std::nullopt;
   LightSample sample;
   sample.radiance = radiance(point->primitive, point->uv);

@@ -39,7 +39,7 @@ PointLight::PointLight(const LightDescription& description, const PointLightDesc
   intensity_ = Rgb(glm::dvec3(light.intensity) * factor);
 }
 
-std::optional<LightSample> PointLight::sample(Vec3 ref, Vec2 /*u*/, float /*u_primitive*/) const {
+std::optional<LightSample> PointLight::sample(Vec3 ref, Vec2 /*u*/, double /*u_primitive*/) const {
   return sample_position(position_, intensity_, ref);
 }
 
@@ -66,7 +66,7 @@ double SpotLight::falloff(DVec3 direction) const {
   return smoothstep(cosine, cos_zero_, cos_full_);
 }
 
-std::optional<LightSample> SpotLight::sample(Vec3 ref, Vec2 /*u*/, float /*u_primitive*/) const {
+std::optional<LightSample> SpotLight::sample(Vec3 ref, Vec2 /*u*/, double /*u_primitive*/) const {
   return sample_position(position_, intensity_ * static_cast<float>(falloff(DVec3(ref) - position_)), ref);
 }
 
@@ -78,7 +78,7 @@ DistantLight::DistantLight(const LightDescription& description, const DistantLig
   wi_ = Vec3(glm::normalize(towards));
 }
 
-std::optional<LightSample> DistantLight::sample(Vec3 /*ref*/, Vec2 /*u*/, float /*u_primitive*/) const {
+std::optional<LightSample> DistantLight::sample(Vec3 /*ref*/, Vec2 /*u*/, double /*u_primitive*/) const {
   if (is_black(irradiance_)) return std::nullopt;
   LightSample sample;
   sample.radiance = irradiance_;

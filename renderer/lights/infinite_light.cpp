@@ -42,7 +42,7 @@ InfiniteLight::InfiniteLight(const LightDescription& description, const Infinite
   glm::dvec3 sum(0);
   for (Rgb& pixel : image_.pixels) {
     pixel = glm::max(pixel, Rgb(0));
-    weights.push_back(average(pixel));
+    weights.push_back(static_cast<float>((static_cast<double>(pixel.r) + static_cast<double>(pixel.g) + static_cast<double>(pixel.b)) / 3));
     sum += glm::dvec3(pixel);
   }
   mean_ = Rgb(sum / static_cast<double>(image_.pixels.size()));
@@ -56,7 +56,7 @@ InfiniteLight::InfiniteLight(const LightDescription& description, const Infinite
   directions_ = DirectionMap(glm::inverse(glm::dmat3(render_from_world * description.world_from_light)));
 }
 
-std::optional<LightSample> InfiniteLight::sample(Vec3 /*ref*/, Vec2 u, float /*u_primitive*/) const {
+std::optional<LightSample> InfiniteLight::sample(Vec3 /*ref*/, Vec2 u, double /*u_primitive*/) const {
   LightSample sample;
   if (image_.pixels.empty()) {
     sample.wi = square_to_sphere(u);

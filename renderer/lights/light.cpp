@@ -95,17 +95,17 @@ Lights::Lights(const SceneDescription& description, const std::vector<Shape>& sh
 
 int Lights::size() const { return static_cast<int>(table_->lights.size()); }
 
-std::optional<Lights::Choice> Lights::choose(float u) const {
+std::optional<Lights::Choice> Lights::choose(double u) const {
   if (table_->lights.empty()) return std::nullopt;
-  const int light = static_cast<int>(table_->choice.sample(static_cast<double>(u)).index);
+  const int light = static_cast<int>(table_->choice.sample(u).index);
   return Choice{light, pmf(light)};
 }
 
 float Lights::pmf(int light) const { return static_cast<float>(table_->choice.probability(static_cast<size_t>(light))); }
 
-std::optional<Lights::Choice> Lights::choose_bounded(float u) const {
+std::optional<Lights::Choice> Lights::choose_bounded(double u) const {
   if (!(table_->bounded_choice.total() > 0)) return std::nullopt;
-  const int light = static_cast<int>(table_->bounded_choice.sample(static_cast<double>(u)).index);
+  const int light = static_cast<int>(table_->bounded_choice.sample(u).index);
   return Choice{light, bounded_pmf(light)};
 }
 
@@ -113,8 +113,14 @@ float Lights::bounded_pmf(int light) const { return static_cast<float>(table_->b
 
 Vec3 Lights::position(int light) const { return table_->position[static_cast<size_t>(light)].value_or(Vec3(0)); }
 
-std::optional<LightSample> Lights::sample(int light, Vec3 ref, Vec2 u, float u_primitive) const {
-  return std::visit([&](const auto& l) { return l.sample(ref, u, u_primitive); }, table_->lights[static_cast<size_t>(light)]);
+std::optional<LightSample> Lights::sample(int light, Vec3 ref, Vec2 u, double u_primitive) const {
+  const Light& model = table_->lights[static_cast<size_t>(light)];
+  auto sample = std::visit([&](const auto& l) { return l.sample(ref, u, u_primitive); }, model);
+  if (sample && table_->infinite.size() > 1 && std::holds_alternative<InfiniteLight>(model)) {
+    sample->radiance = environment(sample->wi);
+    sample->pdf = environment_pdf(sample->wi) / pmf(light);
+  }
+  return sample;
 }
 
 int Lights::light_of_shape(int shape) const {

@@ -59,16 +59,18 @@ class Lights {
   };
   /// Chooses a light in proportion to its power, or uniformly where no light has any. u in [0,1). Nothing where
   /// there is no light.
-  std::optional<Choice> choose(float u) const;
+  std::optional<Choice> choose(double u) const;
   /// The probability that `choose` gives this light.
   float pmf(int light) const;
 
   /// Samples the direction from `ref` towards a light. Nothing where no light arrives or the sample has pdf 0.
-  /// `u_primitive` chooses the primitive of a mesh; `u` the point on it.
-  std::optional<LightSample> sample(int light, Vec3 ref, Vec2 u, float u_primitive) const;
+  /// `u_primitive` chooses the primitive of a mesh; `u` the point on it. A ray that leaves the scene meets all infinite lights at
+  /// once, so they are one technique: whichever of them was chosen, the sample has the radiance of all, and pmf(light) × pdf is
+  /// `environment_pdf`.
+  std::optional<LightSample> sample(int light, Vec3 ref, Vec2 u, double u_primitive) const;
 
   /// Like `choose`, among the lights that stand somewhere: point, spot and area lights. Nothing where there is none.
-  std::optional<Choice> choose_bounded(float u) const;
+  std::optional<Choice> choose_bounded(double u) const;
   /// The probability that `choose_bounded` gives this light; 0 for distant and infinite lights.
   float bounded_pmf(int light) const;
   /// Where a bounded light stands: the point itself, or the middle of the shape's bounds.

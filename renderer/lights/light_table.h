@@ -1,6 +1,6 @@
 // The list of light models, and what `Lights` holds.
 //
-// A model is a struct with `sample(Vec3 ref, Vec2 u, float u_primitive) -> std::optional<LightSample>` and
+// A model is a struct with `sample(Vec3 ref, Vec2 u, double u_primitive) -> std::optional<LightSample>` and
 // `power() -> Rgb`; models that rays can meet have more, which `Lights` reaches by name. To add one: a file pair,
 // a line in `Light`, a line in the constructor of `Lights`.
 #pragma once

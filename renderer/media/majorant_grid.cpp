@@ -148,7 +148,7 @@ BrickWalk::BrickWalk(const MajorantGrid& grid, const Ray& ray, float t_max, doub
   for (int i = 0; i < 3; ++i) {
     // The outermost bricks reach to the ends of the box. The sign of a direction is as good as random: no branches on it.
     const double last = size[i] - 1.0, forward = d[i] > 0 ? 1 : 0;
-    const auto brick = static_cast<int>(std::clamp((o[i] + t0 * d[i]) * per_edge, 0.0, last));
+    const auto brick = static_cast<int>(std::min(std::max(0.0, (o[i] + t0 * d[i]) * per_edge), last));
     brick_ += brick * unit[i];
     steps_[i] = 0;
     if (!std::isfinite(inverse[i])) {

@@ -18,6 +18,8 @@ namespace {
 constexpr int kFinestEdge = 4;
 /// Large sparse volumes start with coarser bricks than that: 64 MiB of bounds.
 constexpr double kMostBricks = 1 << 24;
+/// A ray takes a step for each unit of optical depth of the bound: beyond this it would take minutes, or not end.
+constexpr double kLargestDepth = 1e9;
 
 bool has_equal_channels(Rgb c) { return c.x == c.y && c.y == c.z; }
 double mean_channel(Rgb c) { return (static_cast<double>(c.x) + static_cast<double>(c.y) + static_cast<double>(c.z)) / 3; }
@@ -252,6 +254,13 @@ struct Medium::Builder {
     if (may_emit) finest_bounds = finest;
     medium.majorants_ = choose_brick_edge(std::move(finest));
     medium.maximum_sigma_t_ = medium.majorants_.maximum();
+    const double depth = static_cast<double>(medium.maximum_sigma_t_) * medium.diagonal();
+    if (!(depth <= kLargestDepth))
+      checks.fail(
+          fmt::format("its largest extinction is {:.3g} per unit of length, an optical depth of {:.3g} across the box; "
+                      "expected at most {:.0e}, since tracking takes a step for each unit of it: lower the scale, or the "
+                      "outliers of the grid",
+                      medium.maximum_sigma_t_ / inverse_scale, depth, kLargestDepth));
   }
 
   void set_emission_bricks() {

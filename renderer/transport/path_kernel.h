@@ -147,14 +147,38 @@ class PathKernel {
   /// and from there on by closed forms.
   std::optional<float> fly_endless(const Medium& medium, const EndlessPart& endless);
 
-  Rgb shares() const { return beta_ / (beta_.r + beta_.g + beta_.b); }
+  /// Unbiased ray marching may turn the sign of β: decisions go by its size.
+  Rgb shares() const {
+    const Rgb size = glm::abs(beta_);
+    return size / (size.r + size.g + size.b);
+  }
+
+  /// The coefficients at a point.
+  MediumPoint look_up(const Medium& medium, Vec3 p) {
+    if (!medium.is_homogeneous()) ++count_.medium_lookups;
+    return medium.at(p);
+  }
+
+  /// In long flights, now and then: whether the render is to end.
+  bool is_cancelled() {
+    if (!flight_is_cancelled(ways_, count_)) return false;
+    stopped_ = ended_ = true;
+    return true;
+  }
+
+  /// Sources that nothing dims, without end: they add up to no finite number, which is counted and reported.
+  std::optional<float> diverge() {
+    result_.radiance = Rgb(kInf);
+    ended_ = true;
+    return std::nullopt;
+  }
 
   /// A channel with probability `share`, which sums to one.
   int choose_channel(Rgb share) {
     ++count_.channel_draws;
-    const float u = channel_.uniform();
-    if (u < share.r) return 0;
-    return u < share.r + share.g || !(share.b > 0) ? 1 : 2;
+    const double u = channel_.uniform_double();
+    if (u < static_cast<double>(share.r)) return 0;
+    return u < static_cast<double>(share.r) + static_cast<double>(share.g) || !(share.b > 0) ? 1 : 2;
   }
 
   /// Woodcock tracking with weights: at a tentative collision under the majorant σ̄ the path scatters with probability
@@ -206,9 +230,18 @@ class PathKernel {
   /// Where a ray from the surface starts that heads for w.
   Vec3 origin_of(const SurfacePoint& s, Vec3 w) const { return uses(kTouching) && here_ ? here_->origin(s.p, w) : offset_origin(s, w); }
 
-  /// The path heads for w from a surface, which is this member of the place where the path stands, or kNone.
-  void leave(int member, Vec3 w) {
-    if (uses(kTouching) && member != kNone) here_->leave(member, w);
+  /// The path heads for w from a surface, which is this member of the place where the path stands, or kNone. A transmission
+  /// crosses the member `joined`, too; else the path stays on its outer side.
+  void leave(int member, Vec3 w, int joined = kNone, bool transmission = false) {
+    if (!uses(kTouching) || member == kNone) return;
+    here_->leave(member, w);
+    if (joined != kNone) here_->leave(joined, transmission ? w : (*here_)[joined].s.ng);
+  }
+
+  /// The medium that the path is in when it has left the surface for w, and the member `joined` with a transmission.
+  int medium_after_leaving(const SurfaceInfo& info, Vec3 ng, Vec3 w, int joined, bool transmission) const {
+    if (uses(kTouching) && joined != kNone && transmission) return medium_towards(surface_of((*here_)[joined]), (*here_)[joined].s.ng, w);
+    return medium_towards(info, ng, w);
   }
 
   /// Goes on behind a surface that is not there for this path, or is a boundary only.
@@ -259,11 +292,12 @@ class PathKernel {
     if (!is_specular(bsdf)) {
       sample_lights(s.p, [&](Vec3 wi, Scattered& scattered) {
         const Vec3 local = frame.to_local(wi);
-        leave(member, wi);
+        const bool transmission = local.z * wo.z < 0;
+        leave(member, wi, joined, transmission);
         scattered = {eval_model(bsdf, wo, local, layered),
                      woodcock::pdf(bsdf, wo, local),
                      {origin_of(s, wi), wi, ray_.time},
-                     medium_towards(info, s.ng, wi)};
+                     medium_after_leaving(info, s.ng, wi, joined, transmission)};
       });
     }
 
@@ -274,12 +308,8 @@ class PathKernel {
     if (is_black(beta_)) return false;
     if (sample->transmission) eta_scale_ *= sample->eta * sample->eta;
     const Vec3 wi = glm::normalize(frame.to_world(sample->wi));
-    medium_ = medium_towards(info, s.ng, wi);
-    leave(member, wi);
-    if (joined != kNone && sample->transmission) {
-      medium_ = medium_towards(surface_of((*here_)[joined]), (*here_)[joined].s.ng, wi);
-      leave(joined, wi);
-    }
+    medium_ = medium_after_leaving(info, s.ng, wi, joined, sample->transmission);
+    leave(member, wi, joined, sample->transmission);
     ray_ = {origin_of(s, wi), wi, ray_.time};
     direction_pdf_ = sample->specular ? 0 : sample->pdf;
     if (uses(kEquiangular)) last_flight_.reset();
@@ -402,9 +432,9 @@ class PathKernel {
   bool survives_roulette() {
     if (stopped_) return false;
     if (depth_ < 2 || !settings_.features.has(Feature::kRoulette)) return !is_black(beta_);
-    const float q = max_component(beta_) * eta_scale_;
+    const float q = max_component(glm::abs(beta_)) * eta_scale_;
     if (q >= 1) return true;
-    if (!(q > 0) || stream(key_, vertex_, Purpose::kRoulette).uniform() >= q) return false;
+    if (!(q > 0) || stream(key_, vertex_, Purpose::kRoulette).uniform_double() >= static_cast<double>(q)) return false;
     beta_ /= q;
     return true;
   }

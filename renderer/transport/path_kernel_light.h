@@ -8,11 +8,11 @@ namespace woodcock {
 template <uint32_t kMask>
 template <typename Evaluate>
 void PathKernel<kMask>::sample_light(Vec3 reference, Evaluate&& evaluate) {
-  const auto choice = world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform());
+  const auto choice = world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform_double());
   if (!choice) return;
   Stream random = stream(key_, vertex_, Purpose::kLightSample);
   const Vec2 u = random.uniform2();
-  const auto light = world_.lights.sample(choice->light, reference, u, random.uniform());
+  const auto light = world_.lights.sample(choice->light, reference, u, random.uniform_double());
   if (!light || is_black(light->radiance)) return;
   Scattered scattered;
   evaluate(light->wi, scattered);
@@ -34,16 +34,15 @@ void PathKernel<kMask>::sample_emission(Vec3 reference, Evaluate&& evaluate) {
   if (world_.emissive_media.empty()) return;
   Stream random = stream(key_, vertex_, Purpose::kEmission);
   const Vec2 u = random.uniform2();
-  const int chosen = world_.choose_emissive(random.uniform());
+  const int chosen = world_.choose_emissive(random.uniform_double());
   const Medium& medium = world_.media[chosen];
   const float u_z = random.uniform();
   const auto brick = medium.emission_bricks()->sample({u.x, u.y, u_z}, random.uniform_double());
   Vec3 to = brick.p - reference;
   float distance = glm::length(to);
   if (!(distance > 0)) return;
-  ++count_.medium_lookups;
   ++count_.emission_lookups;
-  const Rgb emission = medium.at(brick.p).emission;
+  const Rgb emission = look_up(medium, brick.p).emission;
   if (is_black(emission)) return;
   Scattered scattered;
   evaluate(to / distance, scattered);
@@ -86,7 +85,7 @@ void PathKernel<kMask>::add_environment() {
 template <uint32_t kMask>
 void PathKernel<kMask>::sample_equiangular(const Medium& medium, float t_max) {
   const double u_distance = equiangular_.uniform_double();
-  const auto choice = world_.lights.choose_bounded(equiangular_.uniform());
+  const auto choice = world_.lights.choose_bounded(equiangular_.uniform_double());
   if (!choice) return;
   const Vec3 position = world_.lights.position(choice->light);
   if (!is_near(medium, ray_.o, position)) return;
@@ -95,9 +94,9 @@ void PathKernel<kMask>::sample_equiangular(const Medium& medium, float t_max) {
   const float t = distances.sample(u_distance), pdf = distances.pdf(t);
   const Vec3 p = ray_.at(t);
   const Vec2 u = equiangular_.uniform2();
-  const auto light = world_.lights.sample(choice->light, p, u, equiangular_.uniform());
+  const auto light = world_.lights.sample(choice->light, p, u, equiangular_.uniform_double());
   if (!(pdf > 0) || !(t < t_max) || !light || is_black(light->radiance)) return;
-  const MediumPoint m = medium.at(p);
+  const MediumPoint m = look_up(medium, p);
   const PhaseMix phase = medium.phase_at(p);
   const Vec3 wo = -ray_.d;
   Ray ray{p, light->wi, ray_.time};

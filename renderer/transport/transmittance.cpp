@@ -52,8 +52,12 @@ bool pass_junction(const World& world, Junction& here, Vec3 w, int& medium, Stre
 
 TransmittanceWays transmittance_ways(const PathSettings& settings) {
   const auto has = [&](Feature feature) { return settings.plan && settings.features.has(feature); };
-  return {has(Feature::kClosedForms), settings.features.has(Feature::kBricks), has(Feature::kResidual), has(Feature::kRayMarchedShadows),
-          settings.plan};
+  return {has(Feature::kClosedForms),
+          settings.features.has(Feature::kBricks),
+          has(Feature::kResidual),
+          has(Feature::kRayMarchedShadows),
+          settings.plan,
+          settings.watch};
 }
 
 Rgb attenuation(Rgb sigma, double t) {
@@ -79,27 +83,29 @@ Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, St
              static_cast<float>(segments.lower_transmittance());
     }
   }
-  Rgb estimate{1};
+  // In double, so that a billion weak collisions dim.
+  DVec3 estimate{1};
   TentativeCollisions collisions(medium, ray, t_max, random, ways.bricks, 0,
                                  ways.residual ? Collide::kAboveLowerBound : Collide::kMajorant);
   while (collisions.next()) {
     ++count.medium_lookups;
+    if (flight_is_cancelled(ways, count)) return Rgb(0);
     const Vec3 p = ray.at(collisions.t());
     const float inverse = 1 / collisions.rate(), lower = collisions.lower();
     if (grey) {
-      estimate *= 1 - (medium.grey_sigma_t(p) - lower) * inverse;
+      estimate *= 1 - static_cast<double>((medium.grey_sigma_t(p) - lower) * inverse);
     } else {
-      estimate *= Rgb(1) - (medium.sigma_t(p) - lower) * inverse;
+      estimate *= DVec3(1) - DVec3((medium.sigma_t(p) - lower) * inverse);
     }
-    const float largest = max_component(glm::abs(estimate));
+    const float largest = max_component(glm::abs(Rgb(estimate)));
     // e^−x ≥ 1 − x: where even that is enough, the exponential need not be known.
     const bool may_be_small = largest * (1 - collisions.lower_depth()) < kRouletteThreshold;
     if (may_be_small && largest * collisions.lower_transmittance() < kRouletteThreshold) {
       if (largest == 0 || random.uniform() >= kRouletteSurvival) return Rgb(0);
-      estimate *= 1 / kRouletteSurvival;
+      estimate *= 1 / static_cast<double>(kRouletteSurvival);
     }
   }
-  return estimate * collisions.lower_transmittance();
+  return Rgb(estimate) * collisions.lower_transmittance();
 }
 
 Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, TargetPrimitive target, Stream& random,

@@ -13,12 +13,18 @@ inline constexpr int kMaxCrossings = 10000;
 
 /// Which ways of estimating a transmittance may be used; the expectation is the same with any of them.
 struct TransmittanceWays {
-  bool closed_forms = true;  ///< homogeneous media and constant bricks without tracking
-  bool bricks = true;        ///< majorants of bricks, not of the whole volume
-  bool residual = true;      ///< tracking of what lies above the lower bound of a brick
-  bool ray_marching = true;  ///< unbiased ray marching where nothing scatters and the optical depth is moderate
-  bool grey = true;          ///< one channel for all where they are equal
+  bool closed_forms = true;          ///< homogeneous media and constant bricks without tracking
+  bool bricks = true;                ///< majorants of bricks, not of the whole volume
+  bool residual = true;              ///< tracking of what lies above the lower bound of a brick
+  bool ray_marching = true;          ///< unbiased ray marching where nothing scatters and the optical depth is moderate
+  bool grey = true;                  ///< one channel for all where they are equal
+  const PathWatch* watch = nullptr;  ///< ends long flights
 };
+
+/// In long flights, at every 65536th look-up: whether the render is to end. What is returned then means nothing.
+inline bool flight_is_cancelled(const TransmittanceWays& ways, const PathCounters& count) {
+  return (count.medium_lookups & 0xffff) == 0 && ways.watch != nullptr && ways.watch->cancel.load(std::memory_order_relaxed);
+}
 
 /// The ways that features and plan leave.
 TransmittanceWays transmittance_ways(const PathSettings& settings);

@@ -12,9 +12,10 @@ namespace {
 bool survives_roulette(WalkSample& sample, Walk& w) {
   if (sample.stopped || is_black(w.beta)) return false;
   if (w.depth < 2) return true;
-  const float q = max_component(w.beta) * w.eta_scale / w.start_weight;
+  // Unbiased ray marching may turn the sign of β.
+  const float q = max_component(glm::abs(w.beta)) * w.eta_scale / w.start_weight;
   if (q >= 1) return true;
-  if (!(q > 0) || stream(w.key, w.vertex, Purpose::kRoulette).uniform() >= q) return false;
+  if (!(q > 0) || stream(w.key, w.vertex, Purpose::kRoulette).uniform_double() >= static_cast<double>(q)) return false;
   w.beta /= q;
   return true;
 }
@@ -82,7 +83,7 @@ Walk WalkSample::branch(const Walk& w, Rgb weight) {
   Walk copy = w;
   copy.key = branch_key(w.key, ++branches);
   copy.beta *= weight;
-  copy.start_weight = max_component(copy.beta) * copy.eta_scale;
+  copy.start_weight = max_component(glm::abs(copy.beta)) * copy.eta_scale;
   copy.unseen = 0;
   copy.first = false;
   return copy;

@@ -53,7 +53,8 @@ Flight fly(WalkSample& sample, Walk& w, const std::optional<Hit>& hit, ScatterFu
       continue;
     }
     const float q = real / all;
-    if (!(w.flight.uniform() < q)) {
+    // In double: see PathKernel::track.
+    if (!(w.flight.uniform_double() < static_cast<double>(q))) {
       w.beta *= sigma_n / (majorant * (1 - q));
       continue;
     }

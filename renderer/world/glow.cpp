@@ -38,17 +38,17 @@ void for_each_place(const World& world, Ray ray, Use&& use) {
 
 /// What one sample would bring: light times cosine over density, with nothing in the way but the glowing medium itself.
 double sample_lights(const World& world, const Place& place, Stream& random) {
-  const auto choice = world.lights.choose(random.uniform());
+  const auto choice = world.lights.choose(random.uniform_double());
   if (!choice) return 0;
   const Vec2 u = random.uniform2();
-  const auto light = world.lights.sample(choice->light, place.p, u, random.uniform());
+  const auto light = world.lights.sample(choice->light, place.p, u, random.uniform_double());
   if (!light) return 0;
   return static_cast<double>(average(light->radiance)) * place.cosine(light->wi) /
          (static_cast<double>(choice->pmf) * static_cast<double>(light->pdf));
 }
 
 double sample_glow(const World& world, const Place& place, Stream& random) {
-  const int chosen = world.choose_emissive(random.uniform());
+  const int chosen = world.choose_emissive(random.uniform_double());
   const Medium& medium = world.media[chosen];
   const Vec2 u = random.uniform2();
   const float u_z = random.uniform();

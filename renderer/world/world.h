@@ -76,7 +76,7 @@ struct World {
   std::vector<int> emissive_media{};
   DiscreteDistribution emissive_choice{};
   /// A medium to sample; there must be one. u in [0, 1).
-  int choose_emissive(float u) const { return emissive_media[emissive_choice.sample(static_cast<double>(u)).index]; }
+  int choose_emissive(double u) const { return emissive_media[emissive_choice.sample(u).index]; }
   /// The probability that `choose_emissive` gives this medium.
   float emissive_pmf(int medium) const {
     for (size_t i = 0; i < emissive_media.size(); ++i)

@@ -56,6 +56,9 @@ TEST(Medium, values_without_meaning_are_refused_with_their_place) {
   EXPECT_THROW(make_medium(d), SceneError);
   EXPECT_THROW(make_medium(HomogeneousDescription{}, glm::scale(DMat4(1), DVec3(1, 0, 1))), SceneError);
   EXPECT_THROW(make_medium(grid_medium(make_dense(IVec3(2), DVec3(0), DVec3(1), [](IVec3) { return kInf; }))), SceneError);
+  // So deep that a ray would never get through, and deep but finite.
+  EXPECT_THROW(make_medium(grid_medium(make_dense(IVec3(2), DVec3(0), DVec3(1), [](IVec3) { return 1e30f; }))), SceneError);
+  EXPECT_NO_THROW(make_medium(grid_medium(make_dense(IVec3(2), DVec3(0), DVec3(1), [](IVec3) { return 1e7f; }))));
 }
 
 TEST(Medium, a_grid_without_its_values_is_refused) {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tests/transport/estimate.h"
@@ -77,6 +78,93 @@ TEST(Boundaries, CoincidentOnesEndEveryPath) {
   EXPECT_TRUE(std::isfinite(e.mean[0]));
   EXPECT_EQ(e.counters.truncated, 0u);
   EXPECT_EQ(e.counters.nonfinite, 0u);
+}
+
+/// A box between two corners, its faces' normals outwards.
+std::string box(DVec3 a, DVec3 b) {
+  return fmt::format(
+      "Shape \"trianglemesh\" \"point3 P\" [ {0} {1} {2}  {3} {1} {2}  {3} {4} {2}  {0} {4} {2}  {0} {1} {5}  {3} {1} {5}  {3} {4} {5}  "
+      "{0} "
+      "{4} {5} ] \"integer indices\" [ 0 2 1 0 3 2  4 5 6 4 6 7  0 1 5 0 5 4  3 7 6 3 6 2  1 2 6 1 6 5  0 4 7 0 7 3 ]\n",
+      a.x, a.y, a.z, b.x, b.y, b.z);
+}
+
+std::string uniform_grid(const std::string& name, IVec3 n, DVec3 p0, DVec3 p1, const std::string& density, Rgb sigma_a, Rgb sigma_s) {
+  return fmt::format(
+      "MakeNamedMedium \"{}\" \"string type\" \"uniformgrid\" \"integer nx\" {} \"integer ny\" {} \"integer nz\" {} \"point3 p0\" [ {} {} "
+      "{} "
+      "] \"point3 p1\" [ {} {} {} ] \"rgb sigma_a\" [ {} {} {} ] \"rgb sigma_s\" [ {} {} {} ] \"float density\" [ {} ]\n",
+      name, n.x, n.y, n.z, p0.x, p0.y, p0.z, p1.x, p1.y, p1.z, sigma_a.r, sigma_a.g, sigma_a.b, sigma_s.r, sigma_s.g, sigma_s.b, density);
+}
+
+/// A closed white room with a lamp, seen through a slab whose layers beat against the comb of ray marching, so that its estimates
+/// of the transmittance are often negative.
+std::string room_behind_layers() {
+  std::string density;
+  for (int i = 0; i < 22; ++i) density += i % 2 == 0 ? " 1" : " 0";
+  return perspective({0, 0, -3}, {0, 0, 0}, 4, 12) + "WorldBegin\n" +
+         uniform_grid("g", {1, 1, 22}, {-10, -10, -1}, {10, 10, 1}, density, Rgb(2), Rgb(0)) +
+         boundary("g", "", box({-0.5, -0.5, -1}, {0.5, 0.5, 1})) + "Material \"diffuse\" \"rgb reflectance\" [ .95 .95 .95 ]\n" +
+         lamp("Translate 0 0 3\nShape \"disk\" \"float radius\" 2.5 \"float innerradius\" 1\n") + box({-4, -4, -4}, {4, 4, 4});
+}
+
+// Where a negative path were ended like a black one, the mean would be half as large again.
+TEST(Strategies, PathsOfNegativeThroughputCountLikeOthers) {
+  CompiledScene tracked = compile(room_behind_layers());
+  tracked.settings.features.take_out(Feature::kRayMarchedShadows);
+  const Estimate expected = estimate(tracked, 60000, 1);
+  expect_equal(estimate(with_estimator(compile(room_behind_layers()), {"uniform-path"}), 200000, 2), expected, 0.12, "uniform-path");
+  expect_equal(estimate(room_behind_layers(), 400000, 3), expected, 0.12, "auto");
+}
+
+// From the first of two rough bodies that touch, a lamp within the second is seen across both faces: by light sampling as by chance.
+TEST(Strategies, ALampBehindTheJoinedFaceOfTwoRoughBodiesIsSampled) {
+  const auto glass = [](double eta, const std::string& shape) {
+    return fmt::format("AttributeBegin\nMaterial \"dielectric\" \"float eta\" {} \"float roughness\" 0.3\n{}AttributeEnd\n", eta, shape);
+  };
+  const std::string scene = perspective({0, 0, -6}, {0, 0, 0}, 10, 3) + "WorldBegin\n" + glass(1.5, box({-1, -1, -1}, {1, 1, 0})) +
+                            glass(1.3, box({-1, -1, 0}, {1, 1, 2})) + "Material \"diffuse\" \"rgb reflectance\" [ 0 0 0 ]\n" +
+                            lamp(sphere(0.5, {0, 0, 1}));
+  CompiledScene by_chance = compile(scene), by_light = compile(scene);
+  by_chance.settings.features.take_out(Feature::kLightSampling);
+  by_light.settings.features.take_out(Feature::kMis);
+  const Estimate expected = estimate(by_chance, 200000, 1);
+  expect_equal(estimate(scene, 200000, 2), expected, 0.03, "both");
+  expect_equal(estimate(by_light, 200000, 3), expected, 0.05, "light sampling alone where it may");
+}
+
+// A voxel of 10⁶ beside thin matter: a ray past it decides a million times on a scattering of probability 10⁻¹⁰. Of 60 rays 0.006
+// scatter in the mean, so that 0.6 % of all seeds see one or more; with decisions in 24 digits it would be 3.6 rays.
+TEST(Strategies, ThinMatterUnderAHighBoundScattersAsRarelyAsItShould) {
+  const std::string density = "1e6" + [] {
+    std::string thin;
+    for (int i = 1; i < 16; ++i) thin += " 1e-4";
+    return thin;
+  }();
+  const std::string scene = perspective({0.75, 0.75, -3}, {0.75, 0.75, 0}, 1, 1) + "WorldBegin\n" +
+                            uniform_grid("g", {4, 4, 1}, DVec3(0), DVec3(1), density, Rgb(0), Rgb(1)) +
+                            boundary("g", "", box(DVec3(0), DVec3(1))) +
+                            "AttributeBegin\nAreaLightSource \"diffuse\" \"rgb L\" [ 1 1 1 ] \"bool twosided\" true\n" +
+                            "Shape \"trianglemesh\" \"point3 P\" [ .6 .6 2  .9 .6 2  .9 .9 2  .6 .9 2 ] \"integer indices\" [ 0 2 1 0 3 2 "
+                            "]\nAttributeEnd\n";
+  for (const bool achromatic : {true, false}) {
+    CompiledScene compiled = compile(scene);
+    compiled.settings.plan = achromatic;  // without the plan all channels are carried
+    EXPECT_GT(estimate(compiled, 60, 1).mean[0], 1 - 0.5 / 60);
+  }
+}
+
+// Sources that nothing dims, without end: no number is right, and none is given.
+TEST(Strategies, ScatteringWithoutExtinctionAndWithoutEndIsReported) {
+  TransferTerms terms;
+  terms.absorption = terms.out_scattering = false;
+  const std::string fog = "MediumInterface \"\" \"m\"\n";
+  const std::string scene = homogeneous("m", Rgb(0), Rgb(1)) + fog + perspective({0, 0, 4}, {0, 0, 0}, 10, 3) + "WorldBegin\n" +
+                            environment(1) + "Material \"diffuse\"\nMediumInterface \"m\" \"m\"\n" + sphere(0.1);
+  const CompiledScene compiled = compile(scene, terms);
+  const std::vector<Rgb> found = radiances(compiled, 64, 1);
+  EXPECT_TRUE(std::any_of(found.begin(), found.end(), [](Rgb r) { return std::isinf(r.r); }));
+  EXPECT_EQ(estimate(compiled, 64, 1).counters.truncated, 0u);
 }
 
 }  // namespace

@@ -69,8 +69,15 @@ std::vector<Furnace> furnaces() {
   all.back().samples = 5000;
   all.push_back(ball("SubsurfaceWithoutAbsorption", "Material \"subsurface\" \"rgb sigma_a\" [ 0 0 0 ] \"rgb sigma_s\" [ 2 2 2 ]"));
 
+  // Two skies are met at once and sampled one by one.
   const double half = 1.5;
   const Rgb none(0), sigma(2);
+  const std::string skies = environment(0.5f) + environment(0.5f), uneven = environment(0.9f) + environment(0.1f);
+  const std::string white = "Material \"diffuse\" \"rgb reflectance\" [ 1 1 1 ]\n" + sphere(1);
+  all.push_back({"DiffuseUnderTwoSkies", looking_at_ball() + "WorldBegin\n" + skies + white});
+  all.push_back({"DiffuseUnderTwoUnevenSkies", looking_at_ball() + "WorldBegin\n" + uneven + white});
+  all.push_back(
+      {"MediumUnderTwoSkies", looking_at_ball() + "WorldBegin\n" + skies + homogeneous("m", none, sigma) + boundary("m", "", sphere(1))});
   const auto in_ball = [&](const std::string& name, const std::string& medium, const std::string& material) {
     all.push_back(
         {name, looking_at_ball() + "WorldBegin\n" + environment(1) + medium + material + "\nMediumInterface \"m\" \"\"\n" + sphere(1)});
