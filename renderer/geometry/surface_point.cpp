@@ -1,4 +1,5 @@
 // The local geometry of a hit.
+#include <array>
 #include <cmath>
 
 #include "renderer/core/frame.h"
@@ -25,6 +26,18 @@ void triangle_tangents(const Mesh& mesh, const std::array<uint32_t, 3>& t, Vec3 
   const Frame frame = Frame::from_normal(n);
   s.dpdu = frame.s;
   s.dpdv = frame.t;
+}
+
+/// Turns the derivatives of a patch along its own parameters into those along its texture coordinates at (s, t), by the inverse of
+/// ∂(u, v)/∂(s, t); leaves them where that has none.
+void patch_tangents(const std::array<Vec2, 4>& uv, double s, double t, DVec3& dpdu, DVec3& dpdv) {
+  const DVec2 ds = (1 - t) * DVec2(uv[1] - uv[0]) + t * DVec2(uv[3] - uv[2]),
+              dt = (1 - s) * DVec2(uv[2] - uv[0]) + s * DVec2(uv[3] - uv[1]);
+  const double det = ds.x * dt.y - ds.y * dt.x;
+  if (!(std::abs(det) > 1e-12)) return;
+  const DVec3 dpds = dpdu, dpdt = dpdv;
+  dpdu = (dt.y * dpds - ds.y * dpdt) / det;
+  dpdv = (ds.x * dpdt - dt.x * dpds) / det;
 }
 
 }  // namespace
@@ -67,6 +80,7 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray, Tangents tangents
     if (!patches->uv.empty()) {
       s.uv = {0, 0};
       for (int i = 0; i < 4; ++i) s.uv += static_cast<float>(w[i]) * patches->uv[q[i]];
+      if (with_tangents) patch_tangents({patches->uv[q[0]], patches->uv[q[1]], patches->uv[q[2]], patches->uv[q[3]]}, u, v, dpdu, dpdv);
     }
     if (with_tangents) {
       s.dpdu = Vec3(dpdu);

@@ -44,7 +44,8 @@ struct Evaluator {
   Coat coat(const CoatDescription& c) const {
     Coat result;
     result.boundary = {c.eta, roughness(c.roughness)};
-    result.thickness = not_negative((*this)(c.thickness));
+    // Beyond this it is endless, and a float does not tell a step from none.
+    result.thickness = std::min(1e4f, not_negative((*this)(c.thickness)));
     result.g = std::clamp((*this)(c.g), -0.9999f, 0.9999f);
     result.albedo = clamp01((*this)(c.albedo));
     result.max_depth = c.max_depth;
@@ -79,7 +80,8 @@ Vec3 oriented(Vec3 n, Vec3 reference) {
 
 }  // namespace
 
-Materials::Materials(const SceneDescription& scene, const Textures& textures) : textures_(&textures) {
+Materials::Materials(const SceneDescription& scene, const Textures& textures, double scale)
+    : scale_(static_cast<float>(scale)), textures_(&textures) {
   for (const MaterialDescription& m : scene.materials) {
     Entry e{m.kind, m.normal_map, m.displacement};
     e.interface = std::holds_alternative<InterfaceDescription>(m.kind);
@@ -142,9 +144,9 @@ Vec3 Materials::shading_normal(int material, const TextureContext& where, const 
   if (entry.displacement != kNone) {
     const FloatParameter height{0, entry.displacement};
     constexpr float kStep = 0.0005f;  // in u and v
-    const float h = textures_->eval(height, where);
-    const float hu = textures_->eval(height, {where.uv + Vec2(kStep, 0), where.p + kStep * geometry.dpdu});
-    const float hv = textures_->eval(height, {where.uv + Vec2(0, kStep), where.p + kStep * geometry.dpdv});
+    const float h = scale_ * textures_->eval(height, where);
+    const float hu = scale_ * textures_->eval(height, {where.uv + Vec2(kStep, 0), where.p + kStep * geometry.dpdu});
+    const float hv = scale_ * textures_->eval(height, {where.uv + Vec2(0, kStep), where.p + kStep * geometry.dpdv});
     const Vec3 dpdu = geometry.dpdu + ((hu - h) / kStep) * n + h * geometry.dndu;
     const Vec3 dpdv = geometry.dpdv + ((hv - h) / kStep) * n + h * geometry.dndv;
     return oriented(glm::cross(dpdu, dpdv), n);

@@ -24,7 +24,8 @@ class Materials {
   Materials() = default;
   /// Keeps a pointer to `textures`, which must outlive this. Throws SceneError with the material's place for a
   /// mix that contains itself or refers to nothing.
-  Materials(const SceneDescription& scene, const Textures& textures);
+  /// `scale` is that of render space: displacements are given in lengths of the world.
+  Materials(const SceneDescription& scene, const Textures& textures, double scale = 1);
 
   /// True for a pure boundary between media, also for a mix of nothing else. A mix of an interface and something else is
   /// decided at each hit.
@@ -57,6 +58,7 @@ class Materials {
   const Entry& at(int material) const { return entries_[static_cast<size_t>(material)]; }
   void link(const SceneDescription& scene, int material, std::vector<int>& state);
 
+  float scale_ = 1;
   std::vector<Entry> entries_;
   const Textures* textures_ = nullptr;
 };

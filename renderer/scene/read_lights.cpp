@@ -1,4 +1,5 @@
 // LightSource and AreaLightSource.
+#include <algorithm>
 #include <cmath>
 
 #include "renderer/scene/read_parts.h"
@@ -41,7 +42,8 @@ SpotLightDescription read_spot(Parameters& parameters) {
   if (!(glm::length(light.to - light.from) > 0))
     throw SceneError(parameters.place("to"), "found a spot light whose from and to are the same point");
   light.cone_angle = static_cast<float>(parameters.number_within("coneangle", 30, 0, 180));
-  light.cone_delta_angle = static_cast<float>(parameters.number_within("conedeltaangle", 5, 0, 180));
+  // The smooth edge reaches the axis at most.
+  light.cone_delta_angle = std::min(light.cone_angle, static_cast<float>(parameters.number_within("conedeltaangle", 5, 0, 180)));
   const Rgb spectrum = parameters.color("I", SpectrumUse::kIlluminant).value_or(Rgb(1));
   float scale = read_scale(parameters);
   if (const float power = positive(parameters, "power"); power > 0) {

@@ -1,4 +1,5 @@
 // Shape: meshes and quadrics.
+#include <algorithm>
 #include <cmath>
 
 #include "renderer/scene/mesh_checks.h"
@@ -91,8 +92,8 @@ SphereDescription read_sphere(Parameters& parameters) {
   sphere.z_max = parameters.number_within("zmax", sphere.radius, -kHuge, kHuge);
   sphere.phi_max = parameters.number_within("phimax", 360, 0, 360);
   if (sphere.z_min > sphere.z_max) std::swap(sphere.z_min, sphere.z_max);
-  sphere.z_min = std::max(sphere.z_min, -sphere.radius);
-  sphere.z_max = std::min(sphere.z_max, sphere.radius);
+  sphere.z_min = std::clamp(sphere.z_min, -sphere.radius, sphere.radius);
+  sphere.z_max = std::clamp(sphere.z_max, -sphere.radius, sphere.radius);
   return sphere;
 }
 

@@ -346,7 +346,8 @@ class PathKernel {
   template <typename Evaluate>
   void sample_light(Vec3 reference, Evaluate&& evaluate);
 
-  /// Points a shadow ray that starts beside the reference point at the light sample; false where they coincide.
+  /// Points a shadow ray that starts beside the reference point at the light sample; false where they coincide, or where the ray
+  /// starts on the other side of what emits: a lamp must not light itself, whose points are off it by their rounding.
   static bool aim(const LightSample& light, Vec3 reference, Ray& ray, float& distance) {
     if (!std::isfinite(distance)) return true;
     const Vec3 target = light.shape != kNone ? light.p : reference + light.wi * distance;
@@ -354,7 +355,10 @@ class PathKernel {
     distance = glm::length(to);
     if (!(distance > 0)) return false;
     ray.d = to / distance;
-    return true;
+    if (light.shape == kNone) return true;
+    // How far the start lies on the drawn side, and what rounding makes of both points.
+    const float ahead = glm::dot(light.n, to) * (glm::dot(light.n, light.wi) > 0 ? 1.0f : -1.0f);
+    return ahead > 0x1p-23f * glm::dot(glm::abs(light.n), glm::abs(target) + glm::abs(ray.o));
   }
 
   /// A point of an emitting grid, its bricks chosen by power: ∫ f T σa Le dω dt over the points of the medium.

@@ -208,7 +208,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
                                                 false,
                                                 0,
                                                 std::move(notes)});
-  world->materials = Materials(scene, world->textures);
+  world->materials = Materials(scene, world->textures, space.scale);
   world->media = Media(scene, space.render_from_world, space.scale);
   for (const auto& note : world->media.notes()) world->notes.push_back(note);
 

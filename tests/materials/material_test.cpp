@@ -178,6 +178,23 @@ TEST(ShadingNormal, ABumpTiltsByItsSlope) {
   EXPECT_NEAR(glm::length(n - glm::normalize(Vec3(-2, 0, 1))), 0, 1e-4);
 }
 
+// Heights are lengths of the world, tangents those of render space.
+TEST(ShadingNormal, ABumpHasTheSameSlopeWhateverTheScaleOfRenderSpace) {
+  SceneDescription scene;
+  FloatTextureDescription::Checkerboard steps;  // 0 for u < 1, 1 beyond
+  steps.tex1 = {0};
+  steps.tex2 = {0.001f};
+  const int height = add_texture(scene, steps);
+  const int m = add(scene, diffuse(0.5f));
+  scene.materials[0].displacement = height;
+  const Textures textures(scene, DMat4(1));
+  for (const float scale : {1.0f, 0.125f, 64.0f}) {
+    const Materials materials(scene, textures, static_cast<double>(scale));
+    const Vec3 n = materials.shading_normal(m, {{0.9999f, 0.5f}, {}}, {{0, 0, 1}, {scale, 0, 0}, {0, scale, 0}});
+    EXPECT_NEAR(glm::length(n - glm::normalize(Vec3(-2, 0, 1))), 0, 1e-4) << scale;
+  }
+}
+
 TEST(ShadingNormal, DegenerateGeometryKeepsTheNormal) {
   SceneDescription scene;
   scene.rgb_textures.push_back({"tilted", {}, RgbTextureDescription::Constant{Rgb(0.8f, 0.5f, 0.9f)}});

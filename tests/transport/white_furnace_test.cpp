@@ -69,6 +69,22 @@ std::vector<Furnace> furnaces() {
   all.back().samples = 5000;
   all.push_back(ball("SubsurfaceWithoutAbsorption", "Material \"subsurface\" \"rgb sigma_a\" [ 0 0 0 ] \"rgb sigma_s\" [ 2 2 2 ]"));
 
+  // A lamp of radiance one that is convex lights nothing of itself, whatever its material scatters; turned, so that its points are
+  // off it by their rounding.
+  const auto alone = [&](const std::string& name, const std::string& material, const std::string& sides, const std::string& shape) {
+    all.push_back({name, perspective({0, 0, 4}, {0, 0, 0}, 5, kDeep) + "WorldBegin\nRotate 20 1 2 0.3\nMaterial " + material +
+                             "\nAreaLightSource \"diffuse\" \"rgb L\" [ 1 1 1 ] \"bool twosided\" " + sides + "\n" + shape});
+  };
+  const std::string triangle = "Shape \"trianglemesh\" \"point3 P\" [ -3 -3 0  3 -3 0  0 4 0 ] \"integer indices\" [ 0 1 2 ]\n",
+                    grey = "\"diffuse\"",
+                    through = "\"diffusetransmission\" \"rgb reflectance\" [ .25 .25 .25 ] \"rgb transmittance\" [ .5 .5 .5 ]",
+                    rough = "\"conductor\" \"float roughness\" 0.4";
+  alone("TwoSidedTriangleLampAlone", grey, "true", triangle);
+  alone("TwoSidedTriangleLampOfRoughMetalAlone", rough, "true", triangle);
+  alone("TranslucentTriangleLampAlone", through, "false", triangle);
+  alone("TwoSidedSphereLampAlone", grey, "true", sphere(1));
+  alone("TwoSidedPatchLampAlone", grey, "true", "Shape \"bilinearmesh\" \"point3 P\" [ -3 -3 0  3 -3 0  -2 3 0  4 3 0 ]\n");
+
   // Two skies are met at once and sampled one by one.
   const double half = 1.5;
   const Rgb none(0), sigma(2);
