@@ -185,11 +185,17 @@ void FreeFlight(benchmark::State& state) {
 }
 BENCHMARK(FreeFlight)->ArgName("sparse")->Arg(0)->Arg(1)->Unit(benchmark::kMillisecond);
 
+/// The points that these flights look up, in their order.
+std::vector<Vec3> visited_by_flights(const Medium& m) {
+  std::vector<Vec3> visited;
+  fly(m, [&](Vec3 p) { visited.push_back(p); });
+  return visited;
+}
+
 /// A bare loop over the points that these free flights look up, in their order.
 void LookUpsOfFreeFlight(benchmark::State& state) {
   const Medium& m = thin_medium(state.range(0) != 0);
-  std::vector<Vec3> visited;
-  fly(m, [&](Vec3 p) { visited.push_back(p); });
+  const std::vector<Vec3> visited = visited_by_flights(m);
   int64_t looked_up = 0;
   for (auto _ : state) {
     float sum = 0;
@@ -205,8 +211,7 @@ BENCHMARK(LookUpsOfFreeFlight)->ArgName("sparse")->Arg(0)->Arg(1)->Unit(benchmar
 /// predicted lies between them. What is left of this by a free flight is its own share.
 void LookUpsOneByOne(benchmark::State& state) {
   const Medium& m = thin_medium(state.range(0) != 0);
-  std::vector<Vec3> visited;
-  fly(m, [&](Vec3 p) { visited.push_back(p); });
+  const std::vector<Vec3> visited = visited_by_flights(m);
   int64_t looked_up = 0;
   for (auto _ : state) {
     Stream random(5);

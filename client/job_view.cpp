@@ -136,13 +136,13 @@ std::string pass_line(const v1::FrameStatus& frame) {
   return line;
 }
 
-// The coordinator sums in another order: the last digits may differ.
 std::string describe_target(const v1::SamplingTarget& target) {
   std::string text = fmt::format("{} samples per pixel at most", target.max_samples());
   if (target.max_seconds() > 0) text = fmt::format("{} of rendering at most, ", format_seconds(target.max_seconds())) + text;
   return target.error() > 0 ? fmt::format("relative error {:.3g} %, ", 100 * target.error()) + text : text;
 }
 
+// The coordinator sums in another order: the last digits may differ.
 bool reaches(double relative_error, const v1::SamplingTarget& target) { return relative_error <= target.error() * (1 + 1e-5); }
 
 std::string target_line(const v1::Job& job, const v1::FrameStatus& frame) {

@@ -46,9 +46,7 @@ class TentativeCollisions {
   /// The rate of collisions here, and the part of σt that does not collide.
   float rate() const { return rate_; }
   float lower() const { return collide_ == Collide::kAboveLowerBound ? segment_.lower : 0; }
-  /// The optical depth of the lower bounds over the segments entered so far, all of each; 0 where all of the majorant collides.
-  float lower_depth() const { return static_cast<float>(lower_depth_); }
-  /// What these let through.
+  /// What the lower bounds let through of the segments entered so far, all of each; 1 where all of the majorant collides.
   float lower_transmittance() const { return lower_depth_ > 0 ? static_cast<float>(std::exp(-lower_depth_)) : 1; }
   /// σt is the majorant all over the segment, to rounding.
   bool in_constant_brick() const { return segment_.lower == segment_.sigma; }

@@ -162,14 +162,19 @@ TEST(ShadingNormal, AMapTiltsAlongDpdu) {
   EXPECT_NEAR(glm::length(n - Vec3(0, 0.6f, 0.8f)), 0, 1e-6);
 }
 
-TEST(ShadingNormal, ABumpTiltsByItsSlope) {
-  SceneDescription scene;
+/// A diffuse material with a bump: a step of 0.001 at u = 1.
+int add_step(SceneDescription& scene) {
   FloatTextureDescription::Checkerboard steps;  // 0 for u < 1, 1 beyond
   steps.tex1 = {0};
   steps.tex2 = {0.001f};
-  const int height = add_texture(scene, steps);
-  const int m = add(scene, diffuse(0.5f));
-  scene.materials[0].displacement = height;
+  const int height = add_texture(scene, steps), m = add(scene, diffuse(0.5f));
+  scene.materials[static_cast<size_t>(m)].displacement = height;
+  return m;
+}
+
+TEST(ShadingNormal, ABumpTiltsByItsSlope) {
+  SceneDescription scene;
+  const int m = add_step(scene);
   const Compiled c(scene);
   const ShadingGeometry g{{0, 0, 1}, {1, 0, 0}, {0, 1, 0}};
   EXPECT_EQ(c.materials.shading_normal(m, {{0.5f, 0.5f}, {}}, g), Vec3(0, 0, 1));
@@ -181,12 +186,7 @@ TEST(ShadingNormal, ABumpTiltsByItsSlope) {
 // Heights are lengths of the world, tangents those of render space.
 TEST(ShadingNormal, ABumpHasTheSameSlopeWhateverTheScaleOfRenderSpace) {
   SceneDescription scene;
-  FloatTextureDescription::Checkerboard steps;  // 0 for u < 1, 1 beyond
-  steps.tex1 = {0};
-  steps.tex2 = {0.001f};
-  const int height = add_texture(scene, steps);
-  const int m = add(scene, diffuse(0.5f));
-  scene.materials[0].displacement = height;
+  const int m = add_step(scene);
   const Textures textures(scene, DMat4(1));
   for (const float scale : {1.0f, 0.125f, 64.0f}) {
     const Materials materials(scene, textures, static_cast<double>(scale));

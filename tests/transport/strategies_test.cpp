@@ -6,10 +6,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tests/statistical/scene_text.h"
 #include "tests/transport/estimate.h"
 
 namespace woodcock::testing {
 namespace {
+
+using reference::box;
 
 constexpr double kPiD = 3.14159265358979323846;
 
@@ -78,15 +81,6 @@ TEST(Boundaries, CoincidentOnesEndEveryPath) {
   EXPECT_TRUE(std::isfinite(e.mean[0]));
   EXPECT_EQ(e.counters.truncated, 0u);
   EXPECT_EQ(e.counters.nonfinite, 0u);
-}
-
-/// A box between two corners, its faces' normals outwards.
-std::string box(DVec3 a, DVec3 b) {
-  return fmt::format(
-      "Shape \"trianglemesh\" \"point3 P\" [ {0} {1} {2}  {3} {1} {2}  {3} {4} {2}  {0} {4} {2}  {0} {1} {5}  {3} {1} {5}  {3} {4} {5}  "
-      "{0} "
-      "{4} {5} ] \"integer indices\" [ 0 2 1 0 3 2  4 5 6 4 6 7  0 1 5 0 5 4  3 7 6 3 6 2  1 2 6 1 6 5  0 4 7 0 7 3 ]\n",
-      a.x, a.y, a.z, b.x, b.y, b.z);
 }
 
 std::string uniform_grid(const std::string& name, IVec3 n, DVec3 p0, DVec3 p1, const std::string& density, Rgb sigma_a, Rgb sigma_s) {
