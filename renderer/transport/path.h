@@ -14,7 +14,7 @@ namespace woodcock {
 struct PathWatch {
   /// Moves by 1024 whenever PathCounters::vertices of one thread passes a multiple of it; the rest is the caller's to add.
   std::atomic<uint64_t>& vertices;
-  /// When set, a path ends within 1024 vertices, with a radiance that means nothing.
+  /// When set, a path ends within 1024 vertices or 65536 look-ups, with a radiance that means nothing.
   const std::atomic<bool>& cancel;
 };
 

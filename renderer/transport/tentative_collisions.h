@@ -46,12 +46,19 @@ class TentativeCollisions {
   /// The rate of collisions here, and the part of σt that does not collide.
   float rate() const { return rate_; }
   float lower() const { return collide_ == Collide::kAboveLowerBound ? segment_.lower : 0; }
-  /// What the lower bounds let through of the segments entered so far, all of each; 1 where all of the majorant collides.
-  float lower_transmittance() const { return lower_depth_ > 0 ? static_cast<float>(std::exp(-lower_depth_)) : 1; }
+  /// An estimate of what the lower bounds let through of the segments entered so far, all of each; 1 where all of the majorant
+  /// collides. Beyond the depth D = kLowerDepth e^(−depth) is no longer a weight but the probability e^(D − depth) that the walk
+  /// goes on with the weight e^(−D), so that no bricks are walked through behind which next to nothing arrives.
+  float lower_transmittance() const {
+    if (ended_below_) return 0;
+    return lower_depth_ > 0 ? static_cast<float>(std::exp(-std::min(lower_depth_, kLowerDepth))) : 1;
+  }
   /// σt is the majorant all over the segment, to rounding.
   bool in_constant_brick() const { return segment_.lower == segment_.sigma; }
 
  private:
+  static constexpr double kLowerDepth = 2.3;  ///< a tenth is left
+
   bool enter_next() {
     const std::optional<MajorantSegment> segment = walk_.next();
     if (!segment) return false;
@@ -63,6 +70,11 @@ class TentativeCollisions {
     if (collide_ == Collide::kAboveLowerBound && segment_.lower > 0) {
       rate_ -= segment_.lower;
       lower_depth_ += static_cast<double>(segment_.lower) * (static_cast<double>(segment_.t1) - static_cast<double>(segment_.t0));
+      if (lower_depth_ > kLowerDepth) {
+        if (last_depth_ == 0) last_depth_ = kLowerDepth + random_.exponential();
+        ended_below_ = lower_depth_ > last_depth_;
+        if (ended_below_) return false;
+      }
     }
     return true;
   }
@@ -71,10 +83,12 @@ class TentativeCollisions {
   Stream& random_;
   float least_rate_;
   Collide collide_;
-  bool inside_ = false;  ///< `segment_` is not used up
+  bool inside_ = false;       ///< `segment_` is not used up
+  bool ended_below_ = false;  ///< by the lower bounds
   MajorantSegment segment_{};
   float rate_ = 0;
   double t_ = 0, lower_depth_ = 0;
+  double last_depth_ = 0;  ///< of the lower bounds, to which the walk goes; drawn beyond kLowerDepth
 };
 
 }  // namespace woodcock

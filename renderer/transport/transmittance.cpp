@@ -98,7 +98,7 @@ Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, St
       estimate *= DVec3(1) - DVec3((medium.sigma_t(p) - lower) * inverse);
     }
     const float largest = max_component(glm::abs(Rgb(estimate)));
-    if (largest < kRouletteThreshold || largest * collisions.lower_transmittance() < kRouletteThreshold) {
+    if (largest < kRouletteThreshold) {
       if (largest == 0 || random.uniform() >= kRouletteSurvival) return Rgb(0);
       estimate *= 1 / static_cast<double>(kRouletteSurvival);
     }

@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
+#include "renderer/transport/transmittance.h"
 #include "tests/statistical/scene_text.h"
 #include "tests/transport/estimate.h"
 
@@ -127,24 +129,60 @@ TEST(Strategies, ALampBehindTheJoinedFaceOfTwoRoughBodiesIsSampled) {
   expect_equal(estimate(by_light, 200000, 3), expected, 0.05, "light sampling alone where it may");
 }
 
-// A voxel of 10⁶ beside thin matter: a ray past it decides a million times on a scattering of probability 10⁻¹⁰. Of 60 rays 0.006
-// scatter in the mean, so that 0.6 % of all seeds see one or more; with decisions in 24 digits it would be 3.6 rays.
+/// A voxel of 10⁶ beside thin matter, in front of a lamp: a ray past it has a million look-ups.
+std::string thin_matter_under_a_high_bound() {
+  std::string density = "1e6";
+  for (int i = 1; i < 16; ++i) density += " 1e-4";
+  return perspective({0.75, 0.75, -3}, {0.75, 0.75, 0}, 1, 1) + "WorldBegin\n" +
+         uniform_grid("g", {4, 4, 1}, DVec3(0), DVec3(1), density, Rgb(0), Rgb(1)) + boundary("g", "", box(DVec3(0), DVec3(1))) +
+         "AttributeBegin\nAreaLightSource \"diffuse\" \"rgb L\" [ 1 1 1 ] \"bool twosided\" true\n" +
+         "Shape \"trianglemesh\" \"point3 P\" [ .6 .6 2  .9 .6 2  .9 .9 2  .6 .9 2 ] \"integer indices\" [ 0 2 1 0 3 2 ]\nAttributeEnd\n";
+}
+
+// Each ray decides a million times on a scattering of probability 10⁻¹⁰. Of 60 rays 0.006 scatter in the mean, so that 0.6 % of all
+// seeds see one or more; with decisions in 24 digits it would be 3.6 rays.
 TEST(Strategies, ThinMatterUnderAHighBoundScattersAsRarelyAsItShould) {
-  const std::string density = "1e6" + [] {
-    std::string thin;
-    for (int i = 1; i < 16; ++i) thin += " 1e-4";
-    return thin;
-  }();
-  const std::string scene = perspective({0.75, 0.75, -3}, {0.75, 0.75, 0}, 1, 1) + "WorldBegin\n" +
-                            uniform_grid("g", {4, 4, 1}, DVec3(0), DVec3(1), density, Rgb(0), Rgb(1)) +
-                            boundary("g", "", box(DVec3(0), DVec3(1))) +
-                            "AttributeBegin\nAreaLightSource \"diffuse\" \"rgb L\" [ 1 1 1 ] \"bool twosided\" true\n" +
-                            "Shape \"trianglemesh\" \"point3 P\" [ .6 .6 2  .9 .6 2  .9 .9 2  .6 .9 2 ] \"integer indices\" [ 0 2 1 0 3 2 "
-                            "]\nAttributeEnd\n";
   for (const bool achromatic : {true, false}) {
-    CompiledScene compiled = compile(scene);
+    CompiledScene compiled = compile(thin_matter_under_a_high_bound());
     compiled.settings.plan = achromatic;  // without the plan all channels are carried
     EXPECT_GT(estimate(compiled, 60, 1).mean[0], 1 - 0.5 / 60);
+  }
+}
+
+// On its way through a million look-ups a ray meets not one vertex at which paths look for a signal.
+TEST(Strategies, LongFlightsOfPathsAndShadowRaysCanBeCancelled) {
+  constexpr uint64_t kWhole = 900000, kCancelled = 65536;
+  std::atomic<uint64_t> vertices{0};
+  std::atomic<bool> cancel{false};
+  const PathWatch watch{vertices, cancel};
+  const PathKey key = path_key(1, 0, 0, 0);
+  const auto look_ups = [&](CompiledScene scene, bool shadow) {
+    scene.settings.watch = &watch;
+    const Ray ray = camera_sample(*scene.world, key, 0, 0).ray;
+    PathCounters counters;
+    if (shadow) {
+      Stream random = stream(key, 0, Purpose::kTransmittance);
+      estimate_transmittance(scene.world->media[0], ray, 10, random, counters, transmittance_ways(scene.settings));
+    } else {
+      scene.radiance(*scene.world, scene.settings, ray, key, counters);
+    }
+    return counters.medium_lookups;
+  };
+  const auto all_channels = [](CompiledScene scene) {
+    scene.settings.plan = false;
+    return scene;
+  };
+  const std::string text = thin_matter_under_a_high_bound();
+  for (const bool cancelled : {false, true}) {
+    cancel = cancelled;
+    const auto expect = [&](uint64_t count, const char* what) {
+      EXPECT_GE(count, cancelled ? 1 : kWhole) << what;
+      EXPECT_LE(count, cancelled ? kCancelled : 2 * kWhole) << what;
+    };
+    expect(look_ups(compile(text), false), "one channel");
+    expect(look_ups(all_channels(compile(text)), false), "all channels");
+    expect(look_ups(with_estimator(compile(text), {"woodcock"}), false), "woodcock");
+    expect(look_ups(compile(text), true), "shadow ray");
   }
 }
 
