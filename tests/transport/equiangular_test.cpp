@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <functional>
 #include <vector>
 
 #include "renderer/core/random.h"
@@ -81,36 +83,43 @@ TEST(EquiangularDistances, ComeWithTheirDensity) {
   }
 }
 
+/// The mean of `samples` estimates of a transmittance is `exact`: 5 standard errors, once in a million; and their standard error is at
+/// most `most_error` of it.
+void expect_transmittance(double exact, int samples, double most_error, const std::function<double()>& estimate) {
+  double sum = 0, squares = 0;
+  for (int i = 0; i < samples; ++i) {
+    const double t = estimate();
+    sum += t;
+    squares += t * t;
+  }
+  const double mean = sum / samples, error = std::sqrt(std::max(0.0, squares / samples - mean * mean) / samples);
+  EXPECT_LT(std::abs(mean - exact), 5 * error + 1e-6 * exact) << mean << " ± " << error << ", exact " << exact;
+  EXPECT_LT(error, most_error * exact) << mean << ", exact " << exact;
+}
+
 /// Uneven all over, in bricks with a lower bound that is not far from the upper one: the lower bounds make much of the depth, and
-/// beyond a depth of 2.3 roulette decides on them. 5 standard errors, once in a million.
+/// beyond a depth of 2.3 roulette decides on them.
 TEST(ResidualTracking, IsUnbiasedWhereTheLowerBoundsMakeMuchOfTheDepth) {
   Stream values(5);
   const DenseGrid<float> grid =
       make_dense(IVec3(96, 48, 48), DVec3(0), DVec3(96, 48, 48), [&](IVec3) { return 0.8f + 0.2f * values.uniform(); });
   const Ray ray{{-1, 22.2f, 23.1f}, glm::normalize(Vec3(1, 0.02f, 0.03f))};
   for (const float scale : {0.05f, 0.08f}) {
+    SCOPED_TRACE(scale);
     const Medium medium = make_medium(grid_medium(grid, Rgb(0), Rgb(scale)));
-    const double depth = optical_depth_exact(medium, ray, 0, 120).x, exact = std::exp(-depth);
+    const double depth = optical_depth_exact(medium, ray, 0, 120).x;
     ASSERT_LT(MarchedSegments(medium, ray, 120, true).lower_transmittance(), std::exp(-0.4 * depth));
     Stream random(11);
-    double sum = 0, squares = 0;
     PathCounters counters;
-    constexpr int kSamples = 200000;
-    for (int i = 0; i < kSamples; ++i) {
-      const double t = static_cast<double>(estimate_transmittance(medium, ray, 120, random, counters).x);
-      sum += t;
-      squares += t * t;
-    }
-    const double mean = sum / kSamples, error = std::sqrt(std::max(0.0, squares / kSamples - mean * mean) / kSamples);
-    EXPECT_LT(std::abs(mean - exact), 5 * error + 1e-6 * exact) << scale << ": " << mean << " ± " << error << ", exact " << exact;
-    EXPECT_LT(error, 0.04 * exact) << scale << ": " << mean << ", exact " << exact;
+    expect_transmittance(std::exp(-depth), 200000, 0.04,
+                         [&] { return static_cast<double>(estimate_transmittance(medium, ray, 120, random, counters).x); });
   }
 }
 
-/// The mean over many estimates is the exact transmittance: 5 standard errors, once in a million.
 TEST(RayMarching, IsUnbiasedWhateverTheDepth) {
   Stream values(3);
   for (const float scale : {0.3f, 2.0f, 9.0f}) {
+    SCOPED_TRACE(scale);
     const DenseGrid<float> grid = make_dense(IVec3(9, 7, 8), DVec3(0), DVec3(9, 7, 8), [&](IVec3) { return values.uniform(); });
     const Medium medium = make_medium(grid_medium(grid, Rgb(scale), Rgb(0)));
     const Ray ray{{-1, 2.2f, 3.1f}, glm::normalize(Vec3(1, 0.2f, 0.1f))};
@@ -119,18 +128,10 @@ TEST(RayMarching, IsUnbiasedWhateverTheDepth) {
     ASSERT_FALSE(segments.overflows());
     ASSERT_GT(segments.depth(), 0);
     Stream random(11);
-    double sum = 0, squares = 0;
     uint64_t look_ups = 0;
-    constexpr int kSamples = 60000;
-    for (int i = 0; i < kSamples; ++i) {
-      const double t =
-          segments.lower_transmittance() * static_cast<double>(march_transmittance(medium, ray, segments, true, random, look_ups).x);
-      sum += t;
-      squares += t * t;
-    }
-    const double mean = sum / kSamples, error = std::sqrt(std::max(0.0, squares / kSamples - mean * mean) / kSamples);
-    EXPECT_LT(std::abs(mean - exact), 5 * error + 1e-6 * exact) << scale << ": " << mean << " ± " << error << ", exact " << exact;
-    EXPECT_LT(error, 1e-3 * exact);
+    expect_transmittance(exact, 60000, 1e-3, [&] {
+      return segments.lower_transmittance() * static_cast<double>(march_transmittance(medium, ray, segments, true, random, look_ups).x);
+    });
   }
 }
 
