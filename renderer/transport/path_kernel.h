@@ -287,6 +287,8 @@ class PathKernel {
     if (!first_seen_) see_first(albedo(bsdf, wo), ns);
     if (!may_scatter()) return false;
     next_vertex();
+    // The flight to an earlier scattering in a medium could not have made this vertex.
+    if (uses(kEquiangular)) last_flight_.reset();
 
     Stream layered = stream(key_, vertex_, Purpose::kLayered);
     if (!is_specular(bsdf)) {
@@ -312,7 +314,6 @@ class PathKernel {
     leave(member, wi, joined, sample->transmission);
     ray_ = {origin_of(s, wi), wi, ray_.time};
     direction_pdf_ = sample->specular ? 0 : sample->pdf;
-    if (uses(kEquiangular)) last_flight_.reset();
     after_scattering(s.p);
     return survives_roulette();
   }
