@@ -34,6 +34,7 @@ inline float average(Rgb c) { return (c.r + c.g + c.b) * (1.0f / 3.0f); }
 inline bool is_black(Rgb c) { return c.r == 0 && c.g == 0 && c.b == 0; }
 inline bool is_finite(Vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 inline float length_squared(Vec3 v) { return glm::dot(v, v); }
+inline double length_squared(DVec3 v) { return glm::dot(v, v); }
 
 /// An axis-aligned box; empty (lower above upper) until something is added.
 struct Box3 {
@@ -51,12 +52,15 @@ struct Box3 {
 
 /// A ray in render space. Distances `t` are measured in lengths of `d`; every direction in the
 /// renderer is unit length unless a function says otherwise.
+///
+/// In double, as are distances and the points that paths go on from: where a mean free path is no longer than some units in the
+/// last place of a float position, a rounded point would cost a flight its length.
 struct Ray {
-  Vec3 o;
-  Vec3 d;
+  DVec3 o{0};
+  DVec3 d{0};
   float time = 0;
 
-  Vec3 at(float t) const { return o + t * d; }
+  DVec3 at(double t) const { return o + t * d; }
 };
 
 }  // namespace woodcock

@@ -64,14 +64,14 @@ void add_intersections(Sha256& digest) {
       mesh.triangles.push_back({a, d, c});
     }
   }
-  const std::vector<Vec3> vertices = mesh.positions;
+  const std::vector<DVec3> vertices = mesh.positions;
   std::vector<Shape> shapes;
   shapes.push_back({std::move(mesh), false});
   const Geometry geometry(std::move(shapes), 1, {}, {});
   Stream random(0x72617973ULL);
   for (int i = 0; i < 4000; ++i) {
-    const Vec3 target = (i & 1) != 0 ? vertices[random.next_u32() % vertices.size()] : Vec3(random.uniform2(), 0.02f);
-    const Vec3 origin(random.uniform2() * 3.0f - 1.0f, 0.5f + random.uniform());
+    const DVec3 target = (i & 1) != 0 ? vertices[random.next_u32() % vertices.size()] : DVec3(Vec3(random.uniform2(), 0.02f));
+    const DVec3 origin(Vec3(random.uniform2() * 3.0f - 1.0f, 0.5f + random.uniform()));
     const auto hit = geometry.intersect({origin, glm::normalize(target - origin)}, kInf);
     add_bits(digest, hit ? static_cast<int64_t>(hit->primitive) : int64_t{-1});
     add_bits(digest, hit ? hit->t : 0.0);

@@ -41,15 +41,18 @@ ErrorBound Geometry::Impl::error_bound(const Hit& hit, DVec3 o, DVec3 d) const {
   const double arithmetic = 0x1p-47 * (glm::length(o) + hit.t * glm::length(d));
   const double distance = glm::dot(glm::abs(n), largest_vertex) * half_ulp / glm::length(n) + arithmetic;
   const double slant = std::abs(glm::dot(n, d)) / (glm::length(n) * glm::length(d));
-  const bool at_edge = edge * slant <= kEmbreeError * hit.t * glm::length(d) + kCoincidence * glm::length(largest_vertex) * half_ulp;
-  if (hit.instance < 0) return {distance, slant, at_edge};
+  const double lateral = kEmbreeError * hit.t * glm::length(d) + kCoincidence * glm::length(largest_vertex) * half_ulp;
+  if (hit.instance < 0) return {distance, slant, edge * slant <= lateral};
   // Seen along the ray the error is the same in both spaces. Embree takes the ray to the object in float, which adds
   // some units in the last place.
   const double along = distance * glm::length(n) / std::abs(glm::dot(n, d));
   const DVec3 placed = glm::normalize(transform_normal(object_from_render[hit.instance], n));
   const double cosine = std::abs(glm::dot(placed, direction)) / glm::length(direction);
   const DVec3 p = transform_point(instances[hit.instance].render_from_object, o + hit.t * d);
-  return {along * cosine * glm::length(direction) + glm::dot(glm::abs(placed), glm::abs(p)) * 0x1p-23, cosine, at_edge};
+  // Nor does a ray start nearer to the place that it left at an edge (Junction::origin).
+  const double moved = kCoincidence * 0x1p-23 * glm::length(p) * glm::length(d) / glm::length(direction);
+  return {along * cosine * glm::length(direction) + glm::dot(glm::abs(placed), glm::abs(p)) * 0x1p-23, cosine,
+          edge * slant <= lateral + moved};
 }
 
 bool Geometry::is_at_edge(const Ray& ray, const Hit& hit) const { return impl_->error_bound(hit, ray.o, ray.d).at_edge; }

@@ -44,7 +44,7 @@ bool is_certain(const Query& query, const RTCFilterFunctionNArguments* args, dou
 }
 
 template <typename Index>
-RTCGeometry new_geometry(RTCGeometryType type, RTCFormat format, const std::vector<Vec3>& positions, const std::vector<Index>& indices) {
+RTCGeometry new_geometry(RTCGeometryType type, RTCFormat format, const std::vector<DVec3>& positions, const std::vector<Index>& indices) {
   RTCGeometry g = rtcNewGeometry(embree_device(), type);
   auto* p = static_cast<Vec3*>(
       rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3), std::max<size_t>(1, positions.size())));
@@ -54,7 +54,7 @@ RTCGeometry new_geometry(RTCGeometryType type, RTCFormat format, const std::vect
     check_device("storing a mesh");
     throw std::runtime_error("Embree refused a mesh");
   }
-  std::copy(positions.begin(), positions.end(), p);
+  std::transform(positions.begin(), positions.end(), p, [](DVec3 v) { return Vec3(v); });
   std::copy(indices.begin(), indices.end(), i);
   return g;
 }
@@ -119,10 +119,13 @@ RTCGeometry Geometry::Impl::make_geometry(int shape) {
         args->valid[0] = 0;
         return;
       }
-      const double limit = query.limit(c.shape, c.primitive);
-      if (is_certain(query, args, limit)) return;
+      if (query.is_target(c.shape, c.primitive)) {
+        args->valid[0] = 0;
+        return;
+      }
+      if (is_certain(query, args, query.t_max)) return;
       const auto hit = c.exact();
-      if (hit && !(hit->t > 0 && hit->t < limit)) args->valid[0] = 0;
+      if (hit && !(hit->t > 0 && hit->t < query.t_max)) args->valid[0] = 0;
     });
     rtcCommitGeometry(g);
     return g;
@@ -139,7 +142,7 @@ RTCGeometry Geometry::Impl::make_geometry(int shape) {
         const Shape& of = user->impl->shapes[user->shape];
         Box3 box;
         if (const auto* m = std::get_if<PatchMesh>(&of.geometry)) {
-          for (const uint32_t v : m->patches[args->primID]) box.add(m->positions[v]);
+          for (const uint32_t v : m->patches[args->primID]) box.add(Vec3(m->positions[v]));
         } else {
           box = bounds_of(of);
         }
@@ -177,7 +180,10 @@ RTCGeometry Geometry::Impl::make_geometry(int shape) {
     }
     DVec3 o = query.o, d = query.d;
     user->impl->to_object(instance, o, d);
-    if (user->impl->intersect_primitive(user->shape, args->primID, o, d, 0, query.limit(user->shape, args->primID))) {
+    const bool hidden = query.is_target(user->shape, args->primID)
+                            ? user->impl->hides_itself(query.target, o, d)
+                            : user->impl->intersect_primitive(user->shape, args->primID, o, d, 0, query.t_max).has_value();
+    if (hidden) {
       reinterpret_cast<RTCRay*>(args->ray)->tfar = -std::numeric_limits<float>::infinity();
     }
   });

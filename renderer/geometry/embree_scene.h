@@ -25,8 +25,8 @@ inline constexpr double kCoincidence = 4;
 /// Embree misjudges by how much a ray misses an edge by less than this part of the distance: some units in the last place.
 inline constexpr double kEmbreeError = 0x1p-20;
 
-/// Half a unit in the last place of each coordinate, and a little.
-inline Vec3 rounding_error(Vec3 p) { return glm::abs(p) * 0x1.1p-24f; }
+/// Half a unit in the last place of each coordinate of a float, and a little.
+inline DVec3 float_rounding_error(DVec3 p) { return glm::abs(p) * 0x1.1p-24; }
 
 struct Geometry::Impl {
   std::vector<Shape> shapes;
@@ -101,7 +101,7 @@ struct Geometry::Impl {
     if (mesh != nullptr) {
       const auto& t = mesh->triangles[hit.primitive];
       const DVec3 p0 = mesh->positions[t[0]];
-      p = p0 + hit.uv.x * (DVec3(mesh->positions[t[1]]) - p0) + hit.uv.y * (DVec3(mesh->positions[t[2]]) - p0);
+      p = p0 + hit.uv.x * (mesh->positions[t[1]] - p0) + hit.uv.y * (mesh->positions[t[2]] - p0);
     } else {
       const auto c = corners(std::get<PatchMesh>(shapes[hit.shape].geometry), hit.primitive);
       p = c[0] + hit.uv.x * (c[1] - c[0]) + hit.uv.y * (c[2] - c[0]);
@@ -111,11 +111,18 @@ struct Geometry::Impl {
 
   static std::array<DVec3, 4> corners(const PatchMesh& m, uint32_t primitive) {
     const auto& p = m.patches[primitive];
-    return {DVec3(m.positions[p[0]]), DVec3(m.positions[p[1]]), DVec3(m.positions[p[2]]), DVec3(m.positions[p[3]])};
+    return {m.positions[p[0]], m.positions[p[1]], m.positions[p[2]], m.positions[p[3]]};
   }
 
   /// How well the place of a hit is known; o and d in render space.
   ErrorBound error_bound(const Hit& hit, DVec3 o, DVec3 d) const;
+
+  /// A ray meets a primitive of the shape once at the most.
+  bool is_flat(int shape) const;
+  /// Whether a ray along d, in the space of the shape, that meets the primitive at `t`, `uv` leaves towards the side of its own normal.
+  bool passes_along_normal(int shape, uint32_t primitive, DVec3 o, DVec3 d, const PrimitiveHit& hit) const;
+  /// Whether something of the target lies before the sampled point, o and d in the space of the shape.
+  bool hides_itself(TargetPrimitive target, DVec3 o, DVec3 d) const;
 
   RTCGeometry make_geometry(int shape);
   RTCScene make_scene(int first, int count);
@@ -141,10 +148,7 @@ struct Query {
   }
   static Query& of(RTCIntersectContext* context) { return *reinterpret_cast<Query*>(context); }
 
-  /// How far a primitive may be hit: on the target the last thousandth of the way is the sampled point itself.
-  double limit(int shape, uint32_t primitive) const {
-    return shape == target.shape && primitive == target.primitive ? t_max * (1 - 1e-3) : t_max;
-  }
+  bool is_target(int shape, uint32_t primitive) const { return shape == target.shape && primitive == target.primitive; }
 };
 
 /// Embree's ray for t0 < t < t1, a little wider.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "renderer/geometry/embree_scene.h"
 
@@ -47,6 +48,38 @@ bool Geometry::occluded(const Ray& ray, double t_max, TargetPrimitive target) co
   return r.tfar < 0;
 }
 
+bool Geometry::is_target(const Hit& hit, const Ray& ray, TargetPrimitive target) const {
+  if (hit.shape != target.shape || hit.primitive != target.primitive) return false;
+  if (impl_->is_flat(hit.shape)) return true;
+  DVec3 o = ray.o, d = ray.d;
+  impl_->to_object(hit.instance, o, d);
+  return impl_->passes_along_normal(hit.shape, hit.primitive, o, d, {hit.t, hit.uv}) == target.along;
+}
+
+bool Geometry::Impl::is_flat(int shape) const {
+  const auto& geometry = shapes[shape].geometry;
+  if (const auto* quadric = std::get_if<Quadric>(&geometry)) return quadric->kind == Quadric::Kind::kDisk;
+  const auto* patches = std::get_if<PatchMesh>(&geometry);
+  return patches == nullptr || parallelograms[shape];
+}
+
+bool Geometry::Impl::passes_along_normal(int shape, uint32_t primitive, DVec3 o, DVec3 d, const PrimitiveHit& hit) const {
+  const auto& geometry = shapes[shape].geometry;
+  if (const auto* q = std::get_if<Quadric>(&geometry)) {
+    const DVec3 d_object = transform_vector(q->object_from_render, d);
+    return glm::dot(outward(*q, transform_point(q->object_from_render, o) + hit.t * d_object), d_object) > 0;
+  }
+  const auto c = corners(std::get<PatchMesh>(geometry), primitive);
+  return glm::dot(patch_normal(c, hit.uv), d) > 0;
+}
+
+bool Geometry::Impl::hides_itself(TargetPrimitive target, DVec3 o, DVec3 d) const {
+  if (is_flat(target.shape)) return false;
+  // Of the two points at which the ray may meet it the nearer one is met first; it is either the sampled one or in its way.
+  const auto first = intersect_primitive(target.shape, target.primitive, o, d, 0, std::numeric_limits<double>::infinity());
+  return first && passes_along_normal(target.shape, target.primitive, o, d, *first) != target.along;
+}
+
 std::string Geometry::library_version() {
   const auto version = rtcGetDeviceProperty(embree_device(), RTC_DEVICE_PROPERTY_VERSION);
   return std::to_string(version / 10000) + "." + std::to_string(version / 100 % 100) + "." + std::to_string(version % 100);
@@ -78,19 +111,19 @@ std::vector<PlacedShape> Geometry::placed_shapes() const {
 Box3 bounds_of(const Shape& shape) {
   Box3 box;
   if (const auto* mesh = std::get_if<Mesh>(&shape.geometry)) {
-    for (const Vec3 p : mesh->positions) box.add(p);
+    for (const DVec3 p : mesh->positions) box.add(Vec3(p));
   } else if (const auto* patches = std::get_if<PatchMesh>(&shape.geometry)) {
-    for (const Vec3 p : patches->positions) box.add(p);
+    for (const DVec3 p : patches->positions) box.add(Vec3(p));
   } else {
     const auto& q = std::get<Quadric>(shape.geometry);
     DVec3 lower, upper;
     object_bounds(q, lower, upper);
     for (int i = 0; i < 8; ++i) {
       const DVec3 corner((i & 1) != 0 ? upper.x : lower.x, (i & 2) != 0 ? upper.y : lower.y, (i & 4) != 0 ? upper.z : lower.z);
-      const Vec3 p(transform_point(q.render_from_object, corner));
+      const DVec3 p = transform_point(q.render_from_object, corner);
       // Rounded outwards, so that the double intersection lies within.
-      box.add(p - rounding_error(p) * 4.0f);
-      box.add(p + rounding_error(p) * 4.0f);
+      box.add(Vec3(p - 4.0 * float_rounding_error(p)));
+      box.add(Vec3(p + 4.0 * float_rounding_error(p)));
     }
   }
   return box;

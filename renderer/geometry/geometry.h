@@ -1,7 +1,7 @@
 // Ray casting: the only place that sees Embree.
 //
 // Embree says which primitive was hit; where it was hit is computed here, in double, from the primitive's own
-// float vertices. A candidate whose exact distance is not positive is Embree's rounding and is skipped, so that
+// vertices. A candidate whose exact distance is not positive is Embree's rounding and is skipped, so that
 // no ray meets the plane it starts from, however large its triangles are.
 #pragma once
 
@@ -16,10 +16,13 @@
 
 namespace woodcock {
 
-/// The primitive that a shadow ray aims at: a hit on it at the end of the way is no occlusion.
+/// The sampled point that a shadow ray aims at. A ray meets a flat primitive once, so any hit on the target is the point itself. It
+/// meets a quadric or a curved patch at most twice, and passes the two points in opposite directions through the surface: `along` tells
+/// which of the two was sampled.
 struct TargetPrimitive {
   int shape = -1;
   uint32_t primitive = 0;
+  bool along = false;  ///< the ray leaves towards the side of the shape's own normal (that of dpdu × dpdv, before any flip)
 };
 
 /// A shape where it stands in render space, by itself or in an instance.
@@ -42,8 +45,10 @@ class Geometry {
 
   /// Where rays start. Embree computes distances in float, some of which have the wrong sign where a ray starts within
   /// a few units in the last place of a surface: one ray in fifty from there passes unseen through a tilted triangle.
-  /// Harmless on opaque surfaces; next to the boundary of a medium the path would take the medium to be endless. With
-  /// kAnywhere Embree gets its rays from a little before their origin and what is met before the origin is skipped.
+  /// Harmless where nothing but surfaces is: rays start some units in the last place of a float off them (kOnSurfaces). Next to the
+  /// boundary of a medium the path would take the medium to have no end, and such a distance may be many mean free paths. With
+  /// kAnywhere Embree gets its rays from a little before their origin, what is met before the origin is skipped, and rays start as
+  /// near to surfaces as double precision can tell.
   enum class Starts { kOnSurfaces, kAnywhere };
 
   /// Whether a hit's tangents matter: they do to normal maps and anisotropic roughness only.
@@ -70,8 +75,11 @@ class Geometry {
   /// Whether the ray met a triangle or patch so near to an edge that its neighbour may be met as well, or instead.
   bool is_at_edge(const Ray& ray, const Hit& hit) const;
 
-  /// Whether anything lies at 0 < t < t_max; on `target` only hits before 0.999 t_max count.
+  /// Whether anything lies at 0 < t < t_max, but for the point that `target` names.
   bool occluded(const Ray& ray, double t_max, TargetPrimitive target) const;
+
+  /// Whether a hit of this ray is the point that `target` names.
+  bool is_target(const Hit& hit, const Ray& ray, TargetPrimitive target) const;
 
   /// The local geometry at a hit that intersect() returned for this ray. dpdu and dpdv are left at zero unless asked for.
   SurfacePoint surface(const Hit& hit, const Ray& ray, Tangents tangents = Tangents::kWanted) const;

@@ -32,27 +32,19 @@ struct CoincidentHit {
 
 /// The local geometry of a surface at a hit, in render space.
 struct SurfacePoint {
-  Vec3 p;        ///< on the surface to half a unit in the last place of each coordinate
-  Vec3 p_error;  ///< bound of that rounding, and of the ray's on its way to an instance
-  Vec3 ng;       ///< unit geometric normal, on the side that the scene file calls outside
-  Vec3 ns;       ///< unit shading normal, in the hemisphere of ng
+  DVec3 p;           ///< on the surface to within `error`
+  double error = 0;  ///< how far along ng a ray may start from p and still be taken to start on the other side
+  Vec3 ng;           ///< unit geometric normal, on the side that the scene file calls outside
+  Vec3 ns;           ///< unit shading normal, in the hemisphere of ng
   Vec3 dpdu{0}, dpdv{0};
   Vec2 uv;  ///< texture coordinates
 };
 
-/// The origin of a ray that leaves `p` on the side of `n` given by `direction`: moved along n by the rounding
-/// error of p and then away by one unit in the last place, so that it lies on the wanted side (Pharr, Jakob,
-/// Humphreys 2023, section 6.8.5).
-inline Vec3 offset_origin(const SurfacePoint& s, Vec3 direction) {
-  const float d = glm::dot(glm::abs(s.ng), s.p_error);
-  Vec3 offset = s.ng * d;
-  if (glm::dot(direction, s.ng) < 0) offset = -offset;
-  Vec3 o = s.p + offset;
-  for (int i = 0; i < 3; ++i) {
-    if (offset[i] > 0) o[i] = std::nextafter(o[i], kInf);
-    if (offset[i] < 0) o[i] = std::nextafter(o[i], -kInf);
-  }
-  return o;
+/// The origin of a ray that leaves the surface on the side of ng that `direction` points to: moved along ng by twice the error, so that
+/// it surely lies on that side (after Pharr, Jakob & Humphreys 2023, section 6.8.5).
+inline DVec3 offset_origin(const SurfacePoint& s, DVec3 direction) {
+  const DVec3 n(s.ng);
+  return s.p + (glm::dot(direction, n) < 0 ? -2 * s.error : 2 * s.error) * n;
 }
 
 }  // namespace woodcock

@@ -5,7 +5,7 @@
 
 namespace woodcock {
 
-std::optional<PrimitiveHit> intersect_patch(const std::array<DVec3, 4>& p, DVec3 o, DVec3 d, double t_min, double t_max) {
+std::optional<PrimitiveHit> intersect_patch(const PatchCorners& p, DVec3 o, DVec3 d, double t_min, double t_max) {
   // The line v ↦ P(u, v) meets the ray where a·u² + b·u + c = 0.
   const double a = glm::dot(glm::cross(p[1] - p[0], p[2] - p[3]), d);
   const double c = glm::dot(glm::cross(p[0] - o, d), p[2] - p[0]);
@@ -41,8 +41,10 @@ std::optional<PrimitiveHit> intersect_patch(const std::array<DVec3, 4>& p, DVec3
     if (length2 == 0) continue;
     const double v = glm::dot(glm::cross(to_start, d), perpendicular) / length2;
     const double t = glm::dot(glm::cross(to_start, along), perpendicular) / length2;
-    if (v >= -kSlack && v <= 1 + kSlack && t > t_min && std::abs(t) > rounding && t < t_max && (!nearest || t < nearest->t))
-      nearest = PrimitiveHit{t, {u, std::clamp(v, 0.0, 1.0)}};
+    if (!(v >= -kSlack && v <= 1 + kSlack && t > t_min && std::abs(t) > rounding && t < t_max)) continue;
+    const PrimitiveHit hit{t, {u, std::clamp(v, 0.0, 1.0)}};
+    const bool layers = nearest && std::abs(t - nearest->t) <= 4 * rounding;
+    if (!nearest || (layers ? glm::dot(patch_normal(p, hit.uv), d) < 0 : t < nearest->t)) nearest = hit;
   }
   return nearest;
 }

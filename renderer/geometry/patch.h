@@ -25,11 +25,22 @@ inline std::optional<PrimitiveHit> intersect_triangle_plane(DVec3 p0, DVec3 p1, 
   return PrimitiveHit{glm::dot(e2, q) / det, {glm::dot(s, p) / det, glm::dot(d, q) / det}};
 }
 
-/// Whether the patch is a parallelogram to the last bit: then (u,v) are affine coordinates of its plane.
-inline bool is_parallelogram(const std::array<DVec3, 4>& p) { return p[1] - p[0] == p[3] - p[2] && p[2] - p[0] == p[3] - p[1]; }
+/// The corners of a bilinear patch in the order (u,v) = 00, 10, 01, 11.
+using PatchCorners = std::array<DVec3, 4>;
 
-/// The nearest hit with t in (t_min, t_max) of the patch with corners (u,v) = 00, 10, 01, 11
-/// (Reshetov 2019, "Cool Patches").
-std::optional<PrimitiveHit> intersect_patch(const std::array<DVec3, 4>& p, DVec3 o, DVec3 d, double t_min, double t_max);
+inline DVec3 patch_point(const PatchCorners& c, DVec2 uv) {
+  return (1 - uv.y) * ((1 - uv.x) * c[0] + uv.x * c[1]) + uv.y * ((1 - uv.x) * c[2] + uv.x * c[3]);
+}
+inline DVec3 patch_dpdu(const PatchCorners& c, double v) { return (1 - v) * (c[1] - c[0]) + v * (c[3] - c[2]); }
+inline DVec3 patch_dpdv(const PatchCorners& c, double u) { return (1 - u) * (c[2] - c[0]) + u * (c[3] - c[1]); }
+/// dpdu × dpdv: its length is the area per unit of (u,v).
+inline DVec3 patch_normal(const PatchCorners& c, DVec2 uv) { return glm::cross(patch_dpdu(c, uv.y), patch_dpdv(c, uv.x)); }
+
+/// Whether the patch is a parallelogram to the last bit: then (u,v) are affine coordinates of its plane.
+inline bool is_parallelogram(const PatchCorners& p) { return p[1] - p[0] == p[3] - p[2] && p[2] - p[0] == p[3] - p[1]; }
+
+/// The nearest hit with t in (t_min, t_max) (Reshetov 2019, "Cool Patches"). Where the patch is folded flat and two of its layers
+/// lie at one place, the one whose normal faces the ray is met.
+std::optional<PrimitiveHit> intersect_patch(const PatchCorners& p, DVec3 o, DVec3 d, double t_min, double t_max);
 
 }  // namespace woodcock

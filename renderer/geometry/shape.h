@@ -13,10 +13,10 @@
 
 namespace woodcock {
 
-/// Triangles in render space. The geometric normal is cross(p1 − p0, p2 − p0), flipped where `Shape::flip`,
-/// then turned to agree with the vertex normals where there are any.
+/// Triangles in render space. Positions are in double, so that a thin slab far from the origin keeps its thickness. The geometric normal is
+/// cross(p1 − p0, p2 − p0), flipped where `Shape::flip`, then turned to agree with the vertex normals where there are any.
 struct Mesh {
-  std::vector<Vec3> positions;
+  std::vector<DVec3> positions;
   std::vector<Vec3> normals;  ///< empty or one per vertex, unit length
   std::vector<Vec2> uv;       ///< empty or one per vertex
   std::vector<std::array<uint32_t, 3>> triangles;
@@ -24,7 +24,7 @@ struct Mesh {
 
 /// Bilinear patches; vertices in the order (u,v) = 00, 10, 01, 11. Normal dpdu × dpdv, then as for Mesh.
 struct PatchMesh {
-  std::vector<Vec3> positions;
+  std::vector<DVec3> positions;
   std::vector<Vec3> normals;
   std::vector<Vec2> uv;
   std::vector<std::array<uint32_t, 4>> patches;

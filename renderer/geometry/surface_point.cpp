@@ -1,4 +1,5 @@
 // The local geometry of a hit.
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -40,6 +41,19 @@ void patch_tangents(const std::array<Vec2, 4>& uv, double s, double t, DVec3& dp
   dpdv = (ds.x * dpdt - dt.x * dpds) / det;
 }
 
+/// How far off its plane a point of a triangle or parallelogram may seem to lie, in double arithmetic: `n_length` = |e1 × e2|.
+double plane_error(DVec3 p, DVec3 p0, DVec3 e1, DVec3 e2, double n_length) {
+  const double l1 = glm::length(e1), l2 = glm::length(e2);
+  return 0x1p-49 * (glm::length(p) + glm::length(p0) + (l1 + l2) * (l1 * l2 / n_length));
+}
+
+/// How far along `normal`, a unit vector behind the map, rounding may move a point that is taken through the map `m`.
+double affine_error(const DMat4& m, DVec3 p, DVec3 normal) {
+  const DVec3 a = glm::abs(p);
+  const DVec3 sum = glm::abs(DVec3(m[0])) * a.x + glm::abs(DVec3(m[1])) * a.y + glm::abs(DVec3(m[2])) * a.z + glm::abs(DVec3(m[3]));
+  return 0x1p-50 * glm::dot(glm::abs(normal), sum);
+}
+
 }  // namespace
 
 SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray, Tangents tangents) const {
@@ -47,12 +61,15 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray, Tangents tangents
   const Shape& shape = impl_->shapes[hit.shape];
   SurfacePoint s;
   DVec3 p, ng, ns{0};
+  double error = 0;
   if (const auto* mesh = std::get_if<Mesh>(&shape.geometry)) {
     const auto& t = mesh->triangles[hit.primitive];
-    const DVec3 p0 = mesh->positions[t[0]], e1 = DVec3(mesh->positions[t[1]]) - p0, e2 = DVec3(mesh->positions[t[2]]) - p0;
+    const DVec3 p0 = mesh->positions[t[0]], e1 = mesh->positions[t[1]] - p0, e2 = mesh->positions[t[2]] - p0;
     const double b1 = hit.uv.x, b2 = hit.uv.y, b0 = 1 - b1 - b2;
     p = p0 + b1 * e1 + b2 * e2;
-    ng = glm::normalize(glm::cross(e1, e2));
+    const DVec3 n = glm::cross(e1, e2);
+    ng = glm::normalize(n);
+    error = plane_error(p, p0, e1, e2, glm::length(n));
     if (shape.flip) ng = -ng;
     if (!mesh->normals.empty()) {
       ns = b0 * DVec3(mesh->normals[t[0]]) + b1 * DVec3(mesh->normals[t[1]]) + b2 * DVec3(mesh->normals[t[2]]);
@@ -69,6 +86,11 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray, Tangents tangents
     DVec3 dpdv = (1 - u) * (c[2] - c[0]) + u * (c[3] - c[1]);
     const DVec3 n = glm::cross(dpdu, dpdv);
     ng = glm::normalize(n);
+    // What intersect_patch may be off by, with room.
+    if (impl_->parallelograms[static_cast<size_t>(hit.shape)])
+      error = plane_error(p, c[0], c[1] - c[0], c[2] - c[0], glm::length(n));
+    else
+      error = 0x1p-42 * (glm::length(p) + glm::length(c[3] - c[0]) + glm::length(c[2] - c[1]));
     if (shape.flip) ng = -ng;
     const auto& q = patches->patches[hit.primitive];
     const std::array<double, 4> w{(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v};
@@ -93,7 +115,9 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray, Tangents tangents
     const DVec3 at = transform_point(q.object_from_render, o) + hit.t * transform_vector(q.object_from_render, d);
     const ParametricPoint point = parametric_point(q, at);
     p = transform_point(q.render_from_object, point.p);
-    ng = glm::normalize(transform_normal(q.object_from_render, outward(q, point.p)));
+    const DVec3 n_object = glm::normalize(outward(q, point.p)), n = transform_normal(q.object_from_render, n_object);
+    ng = glm::normalize(n);
+    error = (affine_error(q.object_from_render, p, n_object) + 0x1p-49 * (glm::length(point.p) + q.radius)) / glm::length(n);
     if (shape.flip) ng = -ng;
     if (with_tangents) {
       s.dpdu = Vec3(transform_vector(q.render_from_object, point.dpdu));
@@ -106,17 +130,22 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray, Tangents tangents
     const DMat4& m = impl_->instances[hit.instance].render_from_object;
     const DMat4& inverse = impl_->object_from_render[hit.instance];
     p = transform_point(m, p);
-    ng = glm::normalize(transform_normal(inverse, ng));
+    const DVec3 n = transform_normal(inverse, ng);
+    error = (error + affine_error(inverse, p, ng)) / glm::length(n);
+    ng = glm::normalize(n);
     ns = transform_normal(inverse, ns);
     if (with_tangents) {
       s.dpdu = Vec3(transform_vector(m, s.dpdu));
       s.dpdv = Vec3(transform_vector(m, s.dpdv));
     }
   }
-  s.p = Vec3(p);
-  // Embree takes a ray to an object in float.
-  s.p_error = rounding_error(s.p) * (hit.instance < 0 ? 1.0f : 3.0f);
+  s.p = p;
   s.ng = Vec3(ng);
+  // Some units in the last place of a float, three times as many where Embree takes a ray to an object: a limit for slivers, whose
+  // planes are known no better, and where rays start on surfaces what spares most of them a second look at the one they leave.
+  const double in_float = 0x1.8p-24 * glm::dot(glm::abs(ng), glm::abs(p)) * (hit.instance < 0 ? 1.0 : 3.0);
+  s.error = std::min(error, std::max(in_float, 0x1p-40 * impl_->largest));
+  if (impl_->lead == 0) s.error = std::max(s.error, in_float);
   s.ns = Vec3(glm::normalize(ns));
   return s;
 }

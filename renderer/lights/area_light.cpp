@@ -57,21 +57,19 @@ Rgb AreaLight::radiance(uint32_t primitive, Vec2 uv) const {
   return radiance;
 }
 
-std::optional<LightSample> AreaLight::sample(Vec3 ref, Vec2 u, double u_primitive) const {
+std::optional<LightSample> AreaLight::sample(DVec3 ref, Vec2 u, double u_primitive) const {
   if (opacity_kind_ == Opacity::kTextured) return std::nullopt;
-  const DVec3 from(ref);
-  const std::optional<EmitterSample> point = std::visit([&](const auto& e) { return e.sample(from, DVec2(u), u_primitive); }, emitter_);
+  const std::optional<EmitterSample> point = std::visit([&](const auto& e) { return e.sample(ref, DVec2(u), u_primitive); }, emitter_);
   if (!point || (!two_sided_ && !(glm::dot(point->ng, point->wi) < 0))) return std::nullopt;
   LightSample sample;
   sample.radiance = radiance(point->primitive, point->uv);
   if (opacity_kind_ == Opacity::kConstant) sample.radiance *= opacity_;
   sample.wi = Vec3(point->wi);
-  sample.distance = static_cast<float>(point->distance);
+  sample.is_bounded = true;
   sample.pdf = static_cast<float>(point->pdf);
   sample.delta = opacity_kind_ == Opacity::kInvisible;
-  sample.shape = shape_;
-  sample.primitive = point->primitive;
-  sample.p = Vec3(point->p);
+  sample.p = point->p;
+  sample.target = {shape_, point->primitive, point->along};
   sample.n = Vec3(point->ng);
   if (is_black(sample.radiance) || !(sample.pdf > 0) || !std::isfinite(sample.pdf)) return std::nullopt;
   return sample;
@@ -82,9 +80,9 @@ Rgb AreaLight::emitted(const EmitterHit& hit, Vec3 wo) const {
   return radiance(hit.primitive, hit.uv);
 }
 
-float AreaLight::pdf(Vec3 ref, const EmitterHit& hit, Vec3 wi) const {
+float AreaLight::pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const {
   if (opacity_kind_ != Opacity::kConstant) return 0;
-  return static_cast<float>(std::visit([&](const auto& e) { return e.pdf(DVec3(ref), hit, DVec3(wi)); }, emitter_));
+  return static_cast<float>(std::visit([&](const auto& e) { return e.pdf(ref, hit, wi); }, emitter_));
 }
 
 Rgb AreaLight::power() const {

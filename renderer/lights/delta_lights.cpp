@@ -11,17 +11,17 @@ namespace {
 
 /// A sample of light of intensity `intensity` at `position`; the distance is taken in double, since a light close
 /// by or far from the origin leaves few digits of it in float.
-std::optional<LightSample> sample_position(DVec3 position, Rgb intensity, Vec3 ref) {
-  const DVec3 to_light = position - DVec3(ref);
+std::optional<LightSample> sample_position(DVec3 position, Rgb intensity, DVec3 ref) {
+  const DVec3 to_light = position - ref;
   const double distance_squared = glm::dot(to_light, to_light);
   if (!(distance_squared > 0) || is_black(intensity)) return std::nullopt;
   const double distance = std::sqrt(distance_squared);
   LightSample sample;
   sample.radiance = Rgb(glm::dvec3(intensity) / distance_squared);
   sample.wi = Vec3(to_light / distance);
-  sample.distance = static_cast<float>(distance);
+  sample.is_bounded = true;
   sample.delta = true;
-  sample.p = Vec3(position);
+  sample.p = position;
   return sample;
 }
 
@@ -39,7 +39,7 @@ PointLight::PointLight(const LightDescription& description, const PointLightDesc
   intensity_ = Rgb(glm::dvec3(light.intensity) * factor);
 }
 
-std::optional<LightSample> PointLight::sample(Vec3 ref, Vec2 /*u*/, double /*u_primitive*/) const {
+std::optional<LightSample> PointLight::sample(DVec3 ref, Vec2 /*u*/, double /*u_primitive*/) const {
   return sample_position(position_, intensity_, ref);
 }
 
@@ -66,8 +66,8 @@ double SpotLight::falloff(DVec3 direction) const {
   return smoothstep(cosine, cos_zero_, cos_full_);
 }
 
-std::optional<LightSample> SpotLight::sample(Vec3 ref, Vec2 /*u*/, double /*u_primitive*/) const {
-  return sample_position(position_, intensity_ * static_cast<float>(falloff(DVec3(ref) - position_)), ref);
+std::optional<LightSample> SpotLight::sample(DVec3 ref, Vec2 /*u*/, double /*u_primitive*/) const {
+  return sample_position(position_, intensity_ * static_cast<float>(falloff(ref - position_)), ref);
 }
 
 DistantLight::DistantLight(const LightDescription& description, const DistantLightDescription& light, const DMat4& render_from_world,
@@ -78,7 +78,7 @@ DistantLight::DistantLight(const LightDescription& description, const DistantLig
   wi_ = Vec3(glm::normalize(towards));
 }
 
-std::optional<LightSample> DistantLight::sample(Vec3 /*ref*/, Vec2 /*u*/, double /*u_primitive*/) const {
+std::optional<LightSample> DistantLight::sample(DVec3 /*ref*/, Vec2 /*u*/, double /*u_primitive*/) const {
   if (is_black(irradiance_)) return std::nullopt;
   LightSample sample;
   sample.radiance = irradiance_;

@@ -9,9 +9,9 @@ namespace woodcock {
 class PointLight {
  public:
   PointLight(const LightDescription& description, const PointLightDescription& light, const DMat4& render_from_world, double scale);
-  std::optional<LightSample> sample(Vec3 ref, Vec2 u, double u_primitive) const;
+  std::optional<LightSample> sample(DVec3 ref, Vec2 u, double u_primitive) const;
   Rgb power() const { return 4 * kPi * intensity_; }
-  Vec3 position() const { return Vec3(position_); }
+  DVec3 position() const { return position_; }
 
  private:
   DVec3 position_;
@@ -22,9 +22,9 @@ class PointLight {
 class SpotLight {
  public:
   SpotLight(const LightDescription& description, const SpotLightDescription& light, const DMat4& render_from_world, double scale);
-  std::optional<LightSample> sample(Vec3 ref, Vec2 u, double u_primitive) const;
+  std::optional<LightSample> sample(DVec3 ref, Vec2 u, double u_primitive) const;
   Rgb power() const { return static_cast<float>(effective_solid_angle_) * intensity_; }
-  Vec3 position() const { return Vec3(position_); }
+  DVec3 position() const { return position_; }
 
  private:
   /// Share of the intensity in a direction given in render space, away from the light.
@@ -44,7 +44,7 @@ class DistantLight {
   /// `scene_radius` in render space, for the power.
   DistantLight(const LightDescription& description, const DistantLightDescription& light, const DMat4& render_from_world,
                float scene_radius);
-  std::optional<LightSample> sample(Vec3 ref, Vec2 u, double u_primitive) const;
+  std::optional<LightSample> sample(DVec3 ref, Vec2 u, double u_primitive) const;
   Rgb power() const { return kPi * scene_radius_ * scene_radius_ * irradiance_; }
 
  private:

@@ -24,6 +24,7 @@ struct EmitterSample {
   double pdf;       ///< per solid angle at the reference point
   Vec2 uv;          ///< texture coordinates
   uint32_t primitive;
+  bool along = false;  ///< wi leaves towards the side of the shape's own normal (TargetPrimitive)
 };
 
 /// Triangles and bilinear patches. A primitive is chosen by its weight, then a point on it: triangles and flat
@@ -44,10 +45,11 @@ class MeshEmitter {
   PatchCorners patch(size_t i) const;
   /// `normal` (of any length) as a unit vector on the side that the file means; `shading` is 0 without vertex normals.
   DVec3 orient(DVec3 normal, DVec3 shading) const;
-  DVec3 vertex(uint32_t index) const { return DVec3(positions_[index]); }
+  DVec3 vertex(uint32_t index) const { return positions_[index]; }
   bool is_flat(size_t primitive) const { return flat_[primitive] != 0; }
 
-  std::vector<Vec3> positions_, normals_;
+  std::vector<DVec3> positions_;
+  std::vector<Vec3> normals_;
   std::vector<Vec2> uv_;
   std::vector<std::array<uint32_t, 3>> triangles_;
   std::vector<std::array<uint32_t, 4>> patches_;  // one of the two is empty

@@ -56,7 +56,7 @@ InfiniteLight::InfiniteLight(const LightDescription& description, const Infinite
   directions_ = DirectionMap(glm::inverse(glm::dmat3(render_from_world * description.world_from_light)));
 }
 
-std::optional<LightSample> InfiniteLight::sample(Vec3 /*ref*/, Vec2 u, double /*u_primitive*/) const {
+std::optional<LightSample> InfiniteLight::sample(DVec3 /*ref*/, Vec2 u, double /*u_primitive*/) const {
   LightSample sample;
   if (image_.pixels.empty()) {
     sample.wi = square_to_sphere(u);

@@ -19,7 +19,7 @@ class InfiniteLight {
   /// light where `illuminance` asks for some.
   InfiniteLight(const LightDescription& description, const InfiniteLightDescription& light, const DMat4& render_from_world,
                 float scene_radius);
-  std::optional<LightSample> sample(Vec3 ref, Vec2 u, double u_primitive) const;
+  std::optional<LightSample> sample(DVec3 ref, Vec2 u, double u_primitive) const;
   /// Radiance arriving from `direction` (unit, render space, away from the scene).
   Rgb radiance(Vec3 direction) const;
   /// The pdf with which `sample` gives `direction`, per solid angle.

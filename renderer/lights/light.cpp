@@ -1,6 +1,5 @@
 #include "renderer/lights/light.h"
 
-#include "renderer/geometry/geometry.h"
 #include "renderer/lights/light_table.h"
 #include "renderer/scene/scene_error.h"
 
@@ -31,7 +30,7 @@ std::vector<double> choice_weights(const std::vector<Rgb>& powers) {
   return weights;
 }
 
-Vec3 center_of(const Shape& shape) { return bounds_of(shape).center(); }
+DVec3 center_of(const Shape& shape) { return DVec3(bounds_of(shape).center()); }
 
 float bounding_radius(Box3 bounds) {
   // An empty scene has no size; any positive radius keeps the choice of lights defined.
@@ -48,7 +47,7 @@ Lights::Lights(const SceneDescription& description, const std::vector<Shape>& sh
                Box3 bounds) {
   auto table = std::make_shared<LightTable>();
   const float radius = bounding_radius(bounds);
-  const auto add = [&](Light light, const SourceLocation& where, std::optional<Vec3> position = std::nullopt) {
+  const auto add = [&](Light light, const SourceLocation& where, std::optional<DVec3> position = std::nullopt) {
     table->position.push_back(position);
     table->power.push_back(std::visit([](const auto& l) { return l.power(); }, light));
     table->where.push_back(where);
@@ -111,9 +110,9 @@ std::optional<Lights::Choice> Lights::choose_bounded(double u) const {
 
 float Lights::bounded_pmf(int light) const { return static_cast<float>(table_->bounded_choice.probability(static_cast<size_t>(light))); }
 
-Vec3 Lights::position(int light) const { return table_->position[static_cast<size_t>(light)].value_or(Vec3(0)); }
+DVec3 Lights::position(int light) const { return table_->position[static_cast<size_t>(light)].value_or(DVec3(0)); }
 
-std::optional<LightSample> Lights::sample(int light, Vec3 ref, Vec2 u, double u_primitive) const {
+std::optional<LightSample> Lights::sample(int light, DVec3 ref, Vec2 u, double u_primitive) const {
   const Light& model = table_->lights[static_cast<size_t>(light)];
   auto sample = std::visit([&](const auto& l) { return l.sample(ref, u, u_primitive); }, model);
   if (sample && table_->infinite.size() > 1 && std::holds_alternative<InfiniteLight>(model)) {
@@ -131,7 +130,7 @@ Rgb Lights::emitted(int light, const EmitterHit& hit, Vec3 wo) const {
   return std::get<AreaLight>(table_->lights[static_cast<size_t>(light)]).emitted(hit, wo);
 }
 
-float Lights::pdf(int light, Vec3 ref, const EmitterHit& hit, Vec3 wi) const {
+float Lights::pdf(int light, DVec3 ref, const EmitterHit& hit, DVec3 wi) const {
   return std::get<AreaLight>(table_->lights[static_cast<size_t>(light)]).pdf(ref, hit, wi);
 }
 

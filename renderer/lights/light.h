@@ -9,32 +9,33 @@
 #include <vector>
 
 #include "renderer/core/vec.h"
-#include "renderer/geometry/shape.h"
+#include "renderer/geometry/geometry.h"
 #include "renderer/scene/description.h"
 
 namespace woodcock {
 
 /// Light arriving at a reference point from one direction.
 struct LightSample {
-  Rgb radiance{0};        ///< incident radiance (delta lights: I/d², or the irradiance of a plane at right angles), NOT divided by pdf
-  Vec3 wi{0};             ///< unit, from the reference point towards the light
-  float distance = kInf;  ///< to the point on the light; kInf for distant and infinite lights
-  float pdf = 1;          ///< per solid angle, WITHOUT the probability of choosing this light; 1 for point, spot and distant
+  Rgb radiance{0};          ///< incident radiance (delta lights: I/d², or the irradiance of a plane at right angles), NOT divided by pdf
+  Vec3 wi{0};               ///< unit, from the reference point towards the light
+  bool is_bounded = false;  ///< it comes from the point `p`, else from infinitely far away
+  float pdf = 1;            ///< per solid angle, WITHOUT the probability of choosing this light; 1 for point, spot and distant
   /// No ray meets this light by chance, so the MIS weight of the sample is 1. True for point, spot and distant
   /// lights, and for area lights on shapes of opacity 0 (whose pdf is per solid angle all the same).
   bool delta = false;
-  int shape = kNone;  ///< index of the emitting shape, or kNone
-  uint32_t primitive = 0;
-  Vec3 p{0}, n{0};  ///< area lights: the point and its geometric normal, as renderer/geometry/shape.h defines it
+  DVec3 p{0};                ///< where it comes from
+  TargetPrimitive target{};  ///< area lights: what p lies on
+  Vec3 n{0};                 ///< area lights: the geometric normal, as renderer/geometry/shape.h defines it
 };
 
 /// A point on an emitting shape met by a ray. `ng` is the unit geometric normal as renderer/geometry/shape.h
 /// defines it; `uv` are the surface's texture coordinates.
 struct EmitterHit {
-  Vec3 p;
+  DVec3 p;
   Vec3 ng;
   Vec2 uv;
   uint32_t primitive;
+  DVec2 parameters{0};  ///< of a patch (Hit::uv): of one that folds, the layer that was met
 };
 
 struct LightTable;
@@ -67,21 +68,21 @@ class Lights {
   /// `u_primitive` chooses the primitive of a mesh; `u` the point on it. A ray that leaves the scene meets all infinite lights at
   /// once, so they are one technique: whichever of them was chosen, the sample has the radiance of all, and pmf(light) × pdf is
   /// `environment_pdf`.
-  std::optional<LightSample> sample(int light, Vec3 ref, Vec2 u, double u_primitive) const;
+  std::optional<LightSample> sample(int light, DVec3 ref, Vec2 u, double u_primitive) const;
 
   /// Like `choose`, among the lights that stand somewhere: point, spot and area lights. Nothing where there is none.
   std::optional<Choice> choose_bounded(double u) const;
   /// The probability that `choose_bounded` gives this light; 0 for distant and infinite lights.
   float bounded_pmf(int light) const;
   /// Where a bounded light stands: the point itself, or the middle of the shape's bounds.
-  Vec3 position(int light) const;
+  DVec3 position(int light) const;
 
   /// The light on a shape, or kNone.
   int light_of_shape(int shape) const;
   /// Radiance that leaves `hit` in direction `wo` (unit, away from the surface).
   Rgb emitted(int light, const EmitterHit& hit, Vec3 wo) const;
   /// The pdf with which `sample(light, ref, …)` gives the direction `wi` towards `hit`.
-  float pdf(int light, Vec3 ref, const EmitterHit& hit, Vec3 wi) const;
+  float pdf(int light, DVec3 ref, const EmitterHit& hit, DVec3 wi) const;
 
   /// Radiance of a ray that leaves the scene in this direction: the sum over the infinite lights.
   Rgb environment(Vec3 direction) const;

@@ -22,9 +22,9 @@ struct LightTable {
   std::vector<SourceLocation> where;
   std::vector<Rgb> power;
   DiscreteDistribution choice, bounded_choice;
-  std::vector<std::optional<Vec3>> position;  // of bounded lights
-  std::vector<int> light_of_shape;            // empty or one per shape
-  std::vector<int> infinite;                  // indices of the infinite lights
+  std::vector<std::optional<DVec3>> position;  // of bounded lights
+  std::vector<int> light_of_shape;             // empty or one per shape
+  std::vector<int> infinite;                   // indices of the infinite lights
 };
 
 }  // namespace woodcock

@@ -42,7 +42,7 @@ MeshEmitter::MeshEmitter(const Shape& shape, bool equal_weights) : flip_(shape.f
   }
   std::vector<double> weights;
   for (double& area : areas_) {
-    // Areas that overflow or vanish in float positions have no normal either.
+    // What has no area has no normal either.
     if (!(area > 0) || !std::isfinite(area)) area = 0;
     weights.push_back(equal_weights && area > 0 ? 1.0 : area);
   }
@@ -96,7 +96,9 @@ std::optional<EmitterSample> MeshEmitter::sample(DVec3 ref, DVec2 u, double u_pr
       if (is_parallelogram(corner)) {
         uv = which == 0 ? DVec2(b.x + b.y, b.y) : DVec2(b.x, b.x + b.y);
       } else {
+        // Flat but for the rounding of its corners: the point is put back on the surface.
         uv = invert_patch(corner, sample.p);
+        sample.p = patch_point(corner, uv);
       }
       pdf *= (which == 0 ? first : 1 - first) * point->pdf;
     } else {
@@ -116,6 +118,7 @@ std::optional<EmitterSample> MeshEmitter::sample(DVec3 ref, DVec2 u, double u_pr
   sample.distance = glm::length(to_light);
   if (!(pdf > 0) || !std::isfinite(pdf) || !(sample.distance > 0) || !(glm::dot(normal, normal) > 0)) return std::nullopt;
   sample.wi = to_light / sample.distance;
+  sample.along = glm::dot(normal, sample.wi) > 0;
   sample.ng = orient(normal, shading);
   sample.pdf = pdf;
   return sample;
@@ -138,7 +141,7 @@ double MeshEmitter::pdf(DVec3 ref, const EmitterHit& hit, DVec3 /*wi*/) const {
       const double first = first_half_[i];
       pdf = (which == 0 ? first : 1 - first) * triangle_pdf(half(corner, which), ref, p);
     } else {
-      pdf = patch_uv_pdf(corner, invert_patch(corner, p), ref, p);
+      pdf = patch_uv_pdf(corner, hit.parameters, ref, p);
     }
   }
   return std::isfinite(pdf) ? probability * pdf : 0;

@@ -2,6 +2,7 @@
 #include <numbers>
 
 #include "renderer/core/transform.h"
+#include "renderer/geometry/quadric.h"
 #include "renderer/lights/emitter.h"
 
 namespace woodcock {
@@ -99,6 +100,7 @@ EmitterSample QuadricEmitter::finish(DVec3 p_object, DVec3 ref) const {
   const DVec3 to_light = sample.p - ref;
   sample.distance = glm::length(to_light);
   sample.wi = to_light / sample.distance;
+  sample.along = glm::dot(outward(quadric_, p_object), glm::dmat3(quadric_.object_from_render) * to_light) > 0;
   sample.uv = texture_coordinates(p_object);
   sample.primitive = 0;
   return sample;
@@ -153,7 +155,7 @@ double QuadricEmitter::pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const {
     const double d = glm::length(transform_point(quadric_.object_from_render, ref));
     if (d > quadric_.radius) {
       // The far side is met by rays that pass through the near one, but never sampled.
-      const DVec3 p = transform_point(quadric_.object_from_render, DVec3(hit.p));
+      const DVec3 p = transform_point(quadric_.object_from_render, hit.p);
       if (glm::dot(p, directions_.to_b(wi)) > 0) return 0;
     }
     return sphere_pdf(d, wi);

@@ -26,7 +26,7 @@ class BrickField {
   BrickField(const DenseGrid<T>& grid, const DMat4& render_from_medium, float scale = 1);
 
   /// The interpolated value at a render-space point.
-  T at(Vec3 p) const { return at_cell(map_.point(p)); }
+  T at(DVec3 p) const { return at_cell(Vec3(map_.point(p))); }
 
   /// The interpolated value at cell coordinates.
   T at_cell(Vec3 c) const {
@@ -42,7 +42,7 @@ class BrickField {
   }
 
   /// Whether a render-space point lies in the box.
-  bool contains(Vec3 p) const { return contains_cell(map_.point(p)); }
+  bool contains(DVec3 p) const { return contains_cell(Vec3(map_.point(p))); }
   const GridMap& map() const { return map_; }
   /// Where the medium exists, in cell coordinates.
   const CellBox& box() const { return box_; }

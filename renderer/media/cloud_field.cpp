@@ -70,8 +70,8 @@ CloudField::CloudField(const CloudMediumDescription& cloud, const DMat4& render_
   map_ = GridMap(glm::inverse(render_from_medium * medium_from_cell));
 }
 
-float CloudField::at(Vec3 p) const {
-  const Vec3 m = medium_from_render_.point(p);
+float CloudField::at(DVec3 p) const {
+  const Vec3 m(medium_from_render_.point(p));
   if (!(m.x >= lower_.x && m.y >= lower_.y && m.z >= lower_.z && m.x <= upper_.x && m.y <= upper_.y && m.z <= upper_.z)) return 0;
   return at_medium(m);
 }

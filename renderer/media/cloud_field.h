@@ -18,7 +18,7 @@ class CloudField {
   CloudField(const CloudMediumDescription& cloud, const DMat4& render_from_medium);
 
   /// The density at a render-space point.
-  float at(Vec3 p) const;
+  float at(DVec3 p) const;
   /// The density at a point of medium space, with no regard to the box.
   float at_medium(Vec3 p) const;
 

@@ -46,7 +46,7 @@ CellBox EmissionBricks::Layer::brick_box(IVec3 brick) const {
   return result;
 }
 
-EmissionBricks::EmissionBricks(MajorantGrid bounds, const std::function<double(Vec3)>& emission) {
+EmissionBricks::EmissionBricks(MajorantGrid bounds, const std::function<double(DVec3)>& emission) {
   while (count(bounds.size()) > kMostBricks) bounds = bounds.coarser();
   auto layer = std::make_shared<Layer>();
   layer->size = bounds.size();
@@ -70,7 +70,7 @@ EmissionBricks::EmissionBricks(MajorantGrid bounds, const std::function<double(V
     if (volumes.back() > 0)
       for_each_brick(points, [&](IVec3 v) {
         const DVec3 cell = DVec3(b * layer->edge + v * stride) + 0.5 * stride;
-        sum += emission(Vec3(DVec3(layer->render_from_cell * glm::dvec4(cell, 1))));
+        sum += emission(DVec3(layer->render_from_cell * glm::dvec4(cell, 1)));
       });
     powers.push_back(sum * stride * stride * stride * cell_volume);
     layer->power += powers.back();
@@ -101,20 +101,20 @@ EmissionBricks::Sample EmissionBricks::sample(Vec3 u, double u_brick) const {
   const auto i = static_cast<int>(layer.bricks.sample(chosen.remainder).index);
   const CellBox box = layer.brick_box({i % layer.size.x, i / layer.size.x % layer.size.y, i / layer.size.x / layer.size.y});
   const DVec3 cell = box.lower + DVec3(u) * (box.upper - box.lower);
-  const Vec3 p{DVec3(layer.render_from_cell * glm::dvec4(cell, 1))};
+  const DVec3 p(layer.render_from_cell * glm::dvec4(cell, 1));
   if (layers_.size() == 1) return {p, layer.density[static_cast<size_t>(i)]};
   return {p, pdf(p)};
 }
 
-float EmissionBricks::pdf(Vec3 p) const {
+float EmissionBricks::pdf(DVec3 p) const {
   if (layers_.size() == 1) return layers_[0]->pdf(p);
   double sum = 0;
   for (size_t i = 0; i < layers_.size(); ++i) sum += choice_.probability(i) * static_cast<double>(layers_[i]->pdf(p));
   return static_cast<float>(sum);
 }
 
-float EmissionBricks::Layer::pdf(Vec3 p) const {
-  const Vec3 c = map.point(p), lower(box.lower), upper(box.upper);
+float EmissionBricks::Layer::pdf(DVec3 p) const {
+  const Vec3 c(map.point(p)), lower(box.lower), upper(box.upper);
   IVec3 brick;
   for (int i = 0; i < 3; ++i) {
     if (!(c[i] >= lower[i] && c[i] <= upper[i])) return 0;

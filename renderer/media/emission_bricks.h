@@ -20,18 +20,18 @@ class EmissionBricks {
   /// `emission`: the mean channel of σa Le at a render-space point, per render unit. It is looked up at voxel centres, or
   /// at every second or fourth … one where these are many. `bounds`: positive in every brick where it may be positive; its
   /// bricks are joined until they are few enough for a table.
-  EmissionBricks(MajorantGrid bounds, const std::function<double(Vec3)>& emission);
+  EmissionBricks(MajorantGrid bounds, const std::function<double(DVec3)>& emission);
   /// A mixture, in proportion to power.
   explicit EmissionBricks(std::span<const EmissionBricks* const> parts);
 
   struct Sample {
-    Vec3 p;     ///< render space
+    DVec3 p;    ///< render space
     float pdf;  ///< per cubic render unit
   };
   /// `u_brick` in [0, 1), with enough digits to tell the bricks apart, chooses the brick, u in [0, 1)³ the point in it.
   Sample sample(Vec3 u, double u_brick) const;
   /// The density with which `sample` gives p, but for points that round to another brick.
-  float pdf(Vec3 p) const;
+  float pdf(DVec3 p) const;
   /// An estimate of ∫ 4π σa Le over the volume, the mean of channels: in square render units of area times radiance.
   double power() const { return power_; }
 
@@ -47,7 +47,7 @@ class EmissionBricks {
     double power = 0;
 
     CellBox brick_box(IVec3 brick) const;
-    float pdf(Vec3 p) const;
+    float pdf(DVec3 p) const;
   };
 
   std::vector<std::shared_ptr<const Layer>> layers_;  ///< one a medium

@@ -17,8 +17,8 @@ struct Extent {
 
 /// The part of ray.at(0 … t_max) that lies in the box of a grid; all of it where the medium is homogeneous; of a sum, from the
 /// first of its parts to the last. In double, so that a march over it meets the same points whatever the scene's size.
-inline Extent extent_of(const Medium& medium, const Ray& ray, float t_max) {
-  Extent extent{0, static_cast<double>(t_max)};
+inline Extent extent_of(const Medium& medium, const Ray& ray, double t_max) {
+  Extent extent{0, t_max};
   if (medium.is_homogeneous()) return extent;
   if (!medium.parts().empty()) {
     Extent hull{std::numeric_limits<double>::infinity(), 0};
@@ -29,7 +29,7 @@ inline Extent extent_of(const Medium& medium, const Ray& ray, float t_max) {
     return hull;
   }
   const CellBox& box = medium.majorants().box();
-  const DVec3 o = medium.majorants().map().point_exact(DVec3(ray.o)), d = medium.majorants().map().vector_exact(DVec3(ray.d));
+  const DVec3 o = medium.majorants().map().point(ray.o), d = medium.majorants().map().vector(ray.d);
   for (int i = 0; i < 3; ++i) {
     if (d[i] == 0) {
       if (o[i] < box.lower[i] || o[i] > box.upper[i]) return {};
@@ -48,7 +48,7 @@ struct EndlessPart {
   MediumPoint point;
 };
 /// Nothing where the segment has an end, or the medium on it has.
-inline std::optional<EndlessPart> endless_part(const Medium& medium, const Ray& ray, float t_max) {
+inline std::optional<EndlessPart> endless_part(const Medium& medium, const Ray& ray, double t_max) {
   if (std::isfinite(t_max)) return std::nullopt;
   if (medium.is_homogeneous()) return EndlessPart{0, medium.homogeneous()};
   EndlessPart endless{0, {}};

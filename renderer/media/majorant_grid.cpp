@@ -120,8 +120,8 @@ MajorantGrid choose_brick_edge(MajorantGrid finest) {
   return best;
 }
 
-BrickWalk::BrickWalk(const MajorantGrid& grid, const Ray& ray, float t_max, double margin) {
-  const DVec3 o = grid.map().point_exact(DVec3(ray.o)), d = grid.map().vector_exact(DVec3(ray.d));
+BrickWalk::BrickWalk(const MajorantGrid& grid, const Ray& ray, double t_max, double margin) {
+  const DVec3 o = grid.map().point(ray.o), d = grid.map().vector(ray.d);
   const CellBox& box = grid.box();
   // Clip to the box. A ray parallel to a pair of faces is inside when it lies between or on them; dividing by its
   // zero (of either sign) is never tried.
@@ -138,8 +138,8 @@ BrickWalk::BrickWalk(const MajorantGrid& grid, const Ray& ray, float t_max, doub
     t0 = std::max(t0, std::min(a, b));
     t1 = std::min(t1, std::max(a, b));
   }
-  t_ = static_cast<float>(t0);
-  t_end_ = static_cast<float>(t1);
+  t_ = t0;
+  t_end_ = t1;
   if (!(t_ < t_end_)) return;
 
   const double edge = grid.edge(), per_edge = 1 / edge;  // exact: edges are powers of two

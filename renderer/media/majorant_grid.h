@@ -18,7 +18,7 @@ namespace woodcock {
 /// A part of a ray on which bounds of σt hold: t0 < t1, in render units of length along a unit direction. Bounds are in
 /// 1/render unit. Where they are equal, σt is that constant in all channels, up to the rounding of a look-up.
 struct MajorantSegment {
-  float t0, t1;
+  double t0, t1;
   float sigma;      ///< ≥ the largest channel of σa + σs on the segment; positive
   float lower = 0;  ///< ≤ the smallest channel of σt on the segment; not negative
 };
@@ -93,7 +93,7 @@ class BrickWalk {
  public:
   BrickWalk() = default;
   /// `ray.d` has unit length; t_max may be infinite. The walk begins and ends `margin` cells, at most ½, beyond the box.
-  BrickWalk(const MajorantGrid& grid, const Ray& ray, float t_max, double margin = 0);
+  BrickWalk(const MajorantGrid& grid, const Ray& ray, double t_max, double margin = 0);
 
   /// The next brick with a positive bound, or nothing at the end.
   std::optional<MajorantSegment> next();
@@ -105,7 +105,7 @@ class BrickWalk {
   double next_t_[3];                     ///< where the ray leaves the current brick, per axis
   double face_t_[3], face_dt_[3];        ///< next_t = face_t + steps · face_dt: no accumulated error
   double steps_[3], last_step_[3];       ///< bricks entered along each axis, and that may be
-  float t_ = 0, t_end_ = 0;
+  double t_ = 0, t_end_ = 0;
 };
 
 // Here, so that loops over it keep its state where they like: this and the start of a walk are most of a free flight.
@@ -117,8 +117,8 @@ inline std::optional<MajorantSegment> BrickWalk::next() {
     int axis = next_t_[1] < next_t_[0] ? 1 : 0;
     axis = next_t_[2] < next_t_[axis] ? 2 : axis;
     const BrickBounds bounds = bounds_[brick_];
-    const float t0 = t_;
-    float t1 = static_cast<float>(next_t_[axis]);
+    const double t0 = t_;
+    double t1 = next_t_[axis];
     if (t1 < t_end_) {
       brick_ += stride_[axis];
       steps_[axis] += 1;

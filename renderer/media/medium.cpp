@@ -4,14 +4,14 @@
 
 namespace woodcock {
 
-Rgb Medium::GridEmission::at(Vec3 p) const {
+Rgb Medium::GridEmission::at(DVec3 p) const {
   const Rgb scaled = radiance * (scale_grid ? scale * look_up(*scale_grid, p) : scale);
   if (!temperature) return scaled;
   const float t = kelvin(look_up(*temperature, p));
   return t > temperature_cutoff ? scaled * blackbody_emission(t) : Rgb(0);
 }
 
-MediumPoint Medium::at(Vec3 p) const {
+MediumPoint Medium::at(DVec3 p) const {
   if (kind_ == Kind::kHomogeneous) return unit_;
   if (kind_ == Kind::kSum) {
     MediumPoint sum;
@@ -35,7 +35,7 @@ MediumPoint Medium::at(Vec3 p) const {
   return point;
 }
 
-Rgb Medium::sigma_s(Vec3 p) const {
+Rgb Medium::sigma_s(DVec3 p) const {
   if (kind_ == Kind::kHomogeneous) return unit_.sigma_s;
   if (kind_ == Kind::kGrid) return unit_.sigma_s * density(p);
   return rgb_.terms.in_scattering ? rgb_.sigma_s_at(p) : Rgb(0);

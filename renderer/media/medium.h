@@ -42,7 +42,7 @@ inline bool has_closed_forms(const MediumPoint& m) {
 
 /// Something with one float value at each render-space point: `at(p)`, with `map()` into its own cells.
 using FloatField = std::variant<BrickField<float>, CloudField>;
-inline float look_up(const FloatField& field, Vec3 p) {
+inline float look_up(const FloatField& field, DVec3 p) {
   if (const auto* bricks = std::get_if<BrickField<float>>(&field)) return bricks->at(p);
   return std::get_if<CloudField>(&field)->at(p);
 }
@@ -65,23 +65,23 @@ class Medium {
   const MediumPoint& homogeneous() const { return unit_; }
 
   /// The coefficients at a render-space point; zero outside a grid's box.
-  MediumPoint at(Vec3 p) const;
+  MediumPoint at(DVec3 p) const;
   /// σt per channel at a render-space point: what shadow rays in chromatic media need.
-  Rgb sigma_t(Vec3 p) const;
+  Rgb sigma_t(DVec3 p) const;
   /// σt at a render-space point where `is_grey()`: one float look-up.
-  float grey_sigma_t(Vec3 p) const {
+  float grey_sigma_t(DVec3 p) const {
     if (kind_ == Kind::kGrid) return unit_.sigma_t.x * density(p);
     return sigma_t(p).x;
   }
   /// The factor of `unit()` at a render-space point: 1 in homogeneous media. Only where `is_separable`.
-  float density(Vec3 p) const;
+  float density(DVec3 p) const;
   /// The coefficients at density 1; `emission` is set for homogeneous media only.
   const MediumPoint& unit() const { return unit_; }
   /// σa and σs are `density` times constants: true for all kinds but RGB grids and sums.
   bool is_separable() const { return kind_ == Kind::kHomogeneous || kind_ == Kind::kGrid; }
 
   /// The phase function at a render-space point.
-  PhaseMix phase_at(Vec3 p) const { return parts_.empty() ? PhaseMix(phase_) : mixed_phase(p); }
+  PhaseMix phase_at(DVec3 p) const { return parts_.empty() ? PhaseMix(phase_) : mixed_phase(p); }
   /// Somewhere σs > 0.
   bool scatters() const { return scatters_; }
   /// Somewhere σa · Le > 0.
@@ -122,7 +122,7 @@ class Medium {
     float temperature_scale = 1, temperature_offset = 0, temperature_cutoff = 0;
 
     float kelvin(float value) const { return (value - temperature_offset) * temperature_scale; }
-    Rgb at(Vec3 p) const;
+    Rgb at(DVec3 p) const;
   };
   /// σa and σs grids; an absent one is `absent` everywhere inside the box of the other.
   struct RgbGrids {
@@ -130,15 +130,15 @@ class Medium {
     Rgb absent{0};
     TransferTerms terms;
 
-    Rgb sigma_a_at(Vec3 p) const { return sigma_a ? sigma_a->at(p) : sigma_s->contains(p) ? absent : Rgb(0); }
-    Rgb sigma_s_at(Vec3 p) const { return sigma_s ? sigma_s->at(p) : sigma_a->contains(p) ? absent : Rgb(0); }
+    Rgb sigma_a_at(DVec3 p) const { return sigma_a ? sigma_a->at(p) : sigma_s->contains(p) ? absent : Rgb(0); }
+    Rgb sigma_s_at(DVec3 p) const { return sigma_s ? sigma_s->at(p) : sigma_a->contains(p) ? absent : Rgb(0); }
     Rgb sigma_t_of(Rgb a, Rgb s) const { return (terms.absorption ? a : Rgb(0)) + (terms.out_scattering ? s : Rgb(0)); }
   };
   struct Builder;
 
-  Rgb sigma_s(Vec3 p) const;  ///< not of a sum
-  Rgb sum_of_sigma_t(Vec3 p) const;
-  PhaseMix mixed_phase(Vec3 p) const;
+  Rgb sigma_s(DVec3 p) const;  ///< not of a sum
+  Rgb sum_of_sigma_t(DVec3 p) const;
+  PhaseMix mixed_phase(DVec3 p) const;
 
   Kind kind_ = Kind::kHomogeneous;
   bool attenuates_ = false, scatters_ = false, emits_ = false, grey_ = true;
@@ -180,7 +180,7 @@ class MajorantWalk {
  public:
   /// `ray.d` has unit length; the walk covers [0, t_max], and t_max may be infinite. Without `bricks` it is one segment,
   /// with the bound of the whole medium.
-  MajorantWalk(const Medium& medium, const Ray& ray, float t_max, bool bricks = true)
+  MajorantWalk(const Medium& medium, const Ray& ray, double t_max, bool bricks = true)
       : bricks_(bricks && medium.has_bricks() ? BrickWalk(medium.majorants(), ray, t_max) : BrickWalk()) {
     if (!bricks || !medium.has_bricks()) enter(medium, ray, t_max, bricks);
   }
@@ -197,7 +197,7 @@ class MajorantWalk {
     void operator()(SumWalk* sum) const;
   };
 
-  void enter(const Medium& medium, const Ray& ray, float t_max, bool bricks);
+  void enter(const Medium& medium, const Ray& ray, double t_max, bool bricks);
   static std::optional<MajorantSegment> next_of(SumWalk& sum);
 
   BrickWalk bricks_;
@@ -207,14 +207,14 @@ class MajorantWalk {
 
 /// σs/σt per channel; 0 where there is no extinction.
 Rgb albedo(const MediumPoint& point);
-inline Rgb albedo(const Medium& medium, Vec3 p) { return albedo(medium.at(p)); }
+inline Rgb albedo(const Medium& medium, DVec3 p) { return albedo(medium.at(p)); }
 
-inline float Medium::density(Vec3 p) const {
+inline float Medium::density(DVec3 p) const {
   if (kind_ == Kind::kHomogeneous) return 1;
   return look_up(density_, p);
 }
 
-inline Rgb Medium::sigma_t(Vec3 p) const {
+inline Rgb Medium::sigma_t(DVec3 p) const {
   if (kind_ == Kind::kHomogeneous) return unit_.sigma_t;
   if (kind_ == Kind::kGrid) return unit_.sigma_t * density(p);
   if (kind_ == Kind::kSum) return sum_of_sigma_t(p);

@@ -266,7 +266,7 @@ struct Medium::Builder {
   void set_emission_bricks() {
     if (!medium.emits_) return;
     medium.emission_bricks_ =
-        std::make_shared<const EmissionBricks>(std::move(finest_bounds), [this](Vec3 p) { return mean_channel(medium.at(p).emission); });
+        std::make_shared<const EmissionBricks>(std::move(finest_bounds), [this](DVec3 p) { return mean_channel(medium.at(p).emission); });
   }
 
   void operator()(const RgbGridMediumDescription& d) {

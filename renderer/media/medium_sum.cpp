@@ -27,13 +27,13 @@ Medium::Medium(std::vector<std::shared_ptr<const Medium>> parts) : kind_(Kind::k
   }
 }
 
-Rgb Medium::sum_of_sigma_t(Vec3 p) const {
+Rgb Medium::sum_of_sigma_t(DVec3 p) const {
   Rgb sum{0};
   for (const auto& part : parts_) sum += part->sigma_t(p);
   return sum;
 }
 
-PhaseMix Medium::mixed_phase(Vec3 p) const {
+PhaseMix Medium::mixed_phase(DVec3 p) const {
   std::array<const PhaseFunction*, kMostSummedMedia> phases;
   std::array<Rgb, kMostSummedMedia> sigma_s;
   size_t count = 0;
@@ -52,7 +52,7 @@ PhaseMix Medium::mixed_phase(Vec3 p) const {
 /// The walk through media that overlap.
 class SumWalk {
  public:
-  SumWalk(const Medium& sum, const Ray& ray, float t_max);
+  SumWalk(const Medium& sum, const Ray& ray, double t_max);
   std::optional<MajorantSegment> next();
 
  private:
@@ -63,26 +63,25 @@ class SumWalk {
   };
 
   std::vector<Part> parts_;
-  float t_ = 0;  ///< where the next segment begins, or later
+  double t_ = 0;  ///< where the next segment begins, or later
 };
 
 namespace {
 
-std::optional<MajorantSegment> whole_of(const Medium& homogeneous, float t_max) {
+std::optional<MajorantSegment> whole_of(const Medium& homogeneous, double t_max) {
   if (!(homogeneous.maximum_sigma_t() > 0) || !(t_max > 0)) return std::nullopt;
   return MajorantSegment{0, t_max, homogeneous.maximum_sigma_t(), min_component(homogeneous.homogeneous().sigma_t)};
 }
 
-std::optional<MajorantSegment> whole_box_of(const Medium& medium, const Ray& ray, float t_max) {
+std::optional<MajorantSegment> whole_box_of(const Medium& medium, const Ray& ray, double t_max) {
   const Extent extent = extent_of(medium, ray, t_max);
-  const auto t0 = static_cast<float>(extent.begin), t1 = static_cast<float>(extent.end);
-  if (!(t0 < t1) || !(medium.maximum_sigma_t() > 0)) return std::nullopt;
-  return MajorantSegment{t0, t1, medium.maximum_sigma_t(), 0};
+  if (!(extent.begin < extent.end) || !(medium.maximum_sigma_t() > 0)) return std::nullopt;
+  return MajorantSegment{extent.begin, extent.end, medium.maximum_sigma_t(), 0};
 }
 
 }  // namespace
 
-SumWalk::SumWalk(const Medium& sum, const Ray& ray, float t_max) {
+SumWalk::SumWalk(const Medium& sum, const Ray& ray, double t_max) {
   // Rounding may put a point outside of a grid's box, where the bound is that of the others alone, into it. Bounds hold a
   // little beyond the box.
   constexpr double kMargin = 0x1p-8;  // cells
@@ -126,7 +125,7 @@ std::optional<MajorantSegment> SumWalk::next() {
 
 void MajorantWalk::DeleteSum::operator()(SumWalk* sum) const { delete sum; }
 
-void MajorantWalk::enter(const Medium& medium, const Ray& ray, float t_max, bool bricks) {
+void MajorantWalk::enter(const Medium& medium, const Ray& ray, double t_max, bool bricks) {
   if (medium.is_homogeneous()) {
     whole_ = whole_of(medium, t_max);
   } else if (!bricks) {

@@ -14,13 +14,13 @@ namespace woodcock {
 class EquiangularDistances {
  public:
   /// `ray.d` has unit length; `t_max` may be infinite.
-  EquiangularDistances(const Ray& ray, Vec3 point, float t_max) {
-    const DVec3 to = DVec3(point) - DVec3(ray.o), d(ray.d);
+  EquiangularDistances(const Ray& ray, DVec3 point, double t_max) {
+    const DVec3 to = point - ray.o, d = ray.d;
     closest_ = glm::dot(to, d);
     // A point on the ray itself has no angle; any positive h gives a density that is positive everywhere.
     height_ = std::max(glm::length(to - closest_ * d), 1e-6 * glm::length(to) + 1e-30);
     first_ = std::atan2(-closest_, height_);
-    const double last = std::isfinite(t_max) ? std::atan2(static_cast<double>(t_max) - closest_, height_) : 0.5 * 3.14159265358979323846;
+    const double last = std::isfinite(t_max) ? std::atan2(t_max - closest_, height_) : 0.5 * 3.14159265358979323846;
     angle_ = last - first_;
     t_max_ = t_max;
   }
@@ -29,20 +29,19 @@ class EquiangularDistances {
   double angle() const { return angle_; }
 
   /// u in [0, 1).
-  float sample(double u) const {
+  double sample(double u) const {
     const double t = closest_ + height_ * std::tan(first_ + u * angle_);
-    return static_cast<float>(std::clamp(t, 0.0, static_cast<double>(t_max_)));
+    return std::clamp(t, 0.0, t_max_);
   }
 
   /// Per render unit of distance.
-  float pdf(float t) const {
-    const double x = static_cast<double>(t) - closest_;
+  float pdf(double t) const {
+    const double x = t - closest_;
     return angle_ > 0 ? static_cast<float>(height_ / (angle_ * (height_ * height_ + x * x))) : 0.0f;
   }
 
  private:
-  double closest_, height_, first_, angle_;
-  float t_max_;
+  double closest_, height_, first_, angle_, t_max_;
 };
 
 }  // namespace woodcock

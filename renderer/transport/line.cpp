@@ -70,7 +70,7 @@ class Line {
 
   Flight fly(Walk& w, const std::optional<Hit>& hit, LineRay& ray) {
     const Medium& medium = sample_.world.media[w.medium];
-    const float z = hit ? static_cast<float>(hit->t) : kInf;
+    const double z = hit ? hit->t : static_cast<double>(kInf);
     const bool scatters = medium.scatters() && sample_.may_scatter(w);
     const std::optional<EndlessPart> endless = endless_part(medium, w.ray, z);
     if (endless && diverges(*endless, w, scatters)) return sample_.diverge();
@@ -80,7 +80,7 @@ class Line {
     const Rgb beta = w.beta;
     // Where this channel is not dimmed for ever its depth grows no more, and at infinity other channels that are not remain, too.
     const bool grows = !endless || endless->point.sigma_t[h] > 0 || added > 0;
-    RaySteps steps(sample_, medium, w.ray, grows ? z : static_cast<float>(endless->from), sample_.settings.paper.step, w.flight.uniform());
+    RaySteps steps(sample_, medium, w.ray, grows ? z : endless->from, sample_.settings.paper.step, w.flight.uniform());
     double marched = 0;  // ∫ κ from the segment's start in channel h, κ = σt + added
     while (steps.next()) {
       const double kappa = static_cast<double>(steps.point().sigma_t[h]) + added;
@@ -90,7 +90,7 @@ class Line {
         const double back = (ray.passed + end - ray.targets.next_depth(w.flight)) / kappa;
         const double in_cell = std::clamp(steps.length() - back, 0.0, steps.length()), s = steps.begin() + in_cell;
         ray.targets.take();
-        const MediumPoint m = sample_.look_up(medium, w.ray.at(static_cast<float>(s)));
+        const MediumPoint m = sample_.look_up(medium, w.ray.at(s));
         const Rgb relative = relative_transmittance(steps.begin_depth() + DVec3(steps.point().sigma_t) * in_cell, h);
         const double density = n * glm::dot(ray.share, DVec3(relative) * (DVec3(m.sigma_t) + added));
         const Rgb weight = density > 0 ? relative * static_cast<float>(std::exp(added * (s - steps.entry())) / density) : Rgb(0);
@@ -98,8 +98,7 @@ class Line {
         sample_.see(w, w.unseen / static_cast<float>(n), albedo(m), Vec3(0), s);
         sample_.add(w, weight * m.emission);
         const bool last = ray.targets.left() == 0;
-        const bool goes_on =
-            scatters && scatter(w, medium, weight * m.sigma_s, point_before(sample_.world, w.ray, static_cast<float>(s), hit), last);
+        const bool goes_on = scatters && scatter(w, medium, weight * m.sigma_s, point_before(sample_.world, w.ray, s, hit), last);
         if (last) return goes_on ? Flight::kScattered : Flight::kOver;
       }
       marched = end;
@@ -121,7 +120,7 @@ class Line {
   static Rgb relative_transmittance(DVec3 depth, int h) { return Rgb(glm::exp(DVec3(depth[h]) - depth)); }
 
   /// The last distance of a ray is followed by the walk itself, the others by branches. True where the walk goes on.
-  bool scatter(Walk& w, const Medium& medium, Rgb weight, Vec3 p, bool last) {
+  bool scatter(Walk& w, const Medium& medium, Rgb weight, DVec3 p, bool last) {
     if (is_black(weight)) return false;
     if (last) {
       w.beta *= weight;

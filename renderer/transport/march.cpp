@@ -7,10 +7,6 @@
 namespace woodcock {
 namespace {
 
-/// Below this transmittance chance decides whether a march goes on.
-constexpr double kRouletteThreshold = 0.1;
-constexpr float kRouletteSurvival = 0.25f;
-
 /// The term of a ray's sum that is followed: each one offered replaces the one before with probability weight/total, so that
 /// in the end each is chosen in proportion to its weight (reservoir sampling, Chao 1982).
 class Choice {
@@ -40,7 +36,7 @@ class Marching {
  private:
   Flight fly(Walk& w, const std::optional<Hit>& hit) {
     const Medium& medium = sample_.world.media[w.medium];
-    const float z = hit ? static_cast<float>(hit->t) : kInf;
+    const double z = hit ? hit->t : static_cast<double>(kInf);
     const bool scatters = medium.scatters() && sample_.may_scatter(w);
     const std::optional<EndlessPart> endless = endless_part(medium, w.ray, z);
     if (endless && diverges(*endless, w, scatters)) return sample_.diverge();
@@ -48,24 +44,24 @@ class Marching {
     // The channels that end a march by dying out: on an endless segment only those with extinction do.
     Rgb fading(1);
     if (endless) fading = Rgb(glm::greaterThan(endless->point.sigma_t, Rgb(0)));
-    const float reach = endless && is_black(fading * w.beta) ? static_cast<float>(endless->from) : z;
+    const double reach = endless && is_black(fading * w.beta) ? endless->from : z;
 
     RaySteps steps(sample_, medium, w.ray, reach, sample_.settings.paper.step, w.flight.uniform());
     Choice choice;
-    std::optional<float> chosen_t;
+    std::optional<double> chosen_t;
     Rgb chosen(0);
     float boost = 1;  // 1/probability that the march came here
     bool lost = false;
     while (steps.next()) {
       const bool may_end = !endless || steps.begin() >= endless->from;
       if (may_end && static_cast<double>(boost) * static_cast<double>(max_component(fading * transmittance_of(steps.begin_depth()))) <
-                         kRouletteThreshold) {
+                         static_cast<double>(kTransmittanceRoulette)) {
         lost = !(w.flight.uniform() < kRouletteSurvival);
         if (lost) break;
         boost /= kRouletteSurvival;
       }
       const MediumPoint& m = steps.point();
-      const auto t = static_cast<float>(steps.t());
+      const double t = steps.t();
       // Δ T(yᵢ)
       const Rgb delta_t = transmittance_of(steps.depth()) * (static_cast<float>(steps.length()) * boost);
       sample_.add(w, delta_t * m.emission);
@@ -93,7 +89,7 @@ class Marching {
   }
 
   /// N directions of one step of the first ray that scatters.
-  void scatter_all(const Walk& w, const Medium& medium, Rgb weight, Vec3 p) {
+  void scatter_all(const Walk& w, const Medium& medium, Rgb weight, DVec3 p) {
     const int n = sample_.settings.paper.directions;
     for (int j = 0; j < n && !sample_.stopped; ++j) {
       Walk branch = sample_.branch(w, weight / static_cast<float>(n));

@@ -79,7 +79,7 @@ class PathKernel {
       ++count_.rays;
       const auto hit = world_.geometry.intersect(ray_, kInf);
       if (uses(kMedia) && medium_ != kNone) {
-        const auto t = fly(hit ? static_cast<float>(hit->t) : kInf);
+        const auto t = fly(hit ? hit->t : static_cast<double>(kInf));
         if (ended_) break;
         if (t) {
           if (!scatter_in_medium(*t, point_before(world_, ray_, *t, hit, uses(kTouching)))) break;
@@ -123,7 +123,7 @@ class PathKernel {
 
   /// Flies through the current medium up to t_max: adds its emission, and returns the distance of a scattering, with
   /// the throughput updated, or nothing when the ray gets through.
-  std::optional<float> fly(float t_max) {
+  std::optional<double> fly(double t_max) {
     const Medium& medium = world_.media[medium_];
     if (uses(kEquiangular)) {
       this_flight_ = {ray_, t_max, 0, medium_, shares()};
@@ -141,11 +141,11 @@ class PathKernel {
   bool is_chromatic(const Medium& medium) const { return uses(kChromaticExtinction) && !(ways_.grey && medium.is_grey()); }
 
   /// Closed forms. Emission of the whole segment: ∫₀ᵗ exp(−σt s) σa Le ds.
-  std::optional<float> fly_homogeneous(const MediumPoint& m, bool chromatic, float t_max);
+  std::optional<double> fly_homogeneous(const MediumPoint& m, bool chromatic, double t_max);
 
   /// Through a sum without end: to the last of its grids by tracking, which would never end where a channel has no extinction,
   /// and from there on by closed forms.
-  std::optional<float> fly_endless(const Medium& medium, const EndlessPart& endless);
+  std::optional<double> fly_endless(const Medium& medium, const EndlessPart& endless);
 
   /// Unbiased ray marching may turn the sign of β: decisions go by its size.
   Rgb shares() const {
@@ -154,7 +154,7 @@ class PathKernel {
   }
 
   /// The coefficients at a point.
-  MediumPoint look_up(const Medium& medium, Vec3 p) {
+  MediumPoint look_up(const Medium& medium, DVec3 p) {
     if (!medium.is_homogeneous()) ++count_.medium_lookups;
     return medium.at(p);
   }
@@ -167,7 +167,7 @@ class PathKernel {
   }
 
   /// Sources that nothing dims, without end: they add up to no finite number, which is counted and reported.
-  std::optional<float> diverge() {
+  std::optional<double> diverge() {
     result_.radiance = Rgb(kInf);
     ended_ = true;
     return std::nullopt;
@@ -186,10 +186,10 @@ class PathKernel {
   /// 1 − σa/σ̄, so that absorption dims paths and never kills them (Raab, Seibert & Keller 2006; Galtier et al. 2013).
   /// Channels share σ̄, so their mixture needs no more than q = β·σs / β·(σs + σn). Emission adds σa Le/σ̄ at every
   /// tentative collision.
-  std::optional<float> track(const Medium& medium, float t_max);
+  std::optional<double> track(const Medium& medium, double t_max);
 
   /// The same for one number in place of three. In a brick of constant density every collision is a scattering.
-  std::optional<float> track_achromatic(const Medium& medium, float t_max);
+  std::optional<double> track_achromatic(const Medium& medium, double t_max);
 
   /// σn, which a violated bound makes negative. Rounding of the interpolation is no violation; the bound carries an
   /// allowance for it.
@@ -201,16 +201,14 @@ class PathKernel {
 
   /// Tentative collisions per render unit that an emitting grid gets at the least: four on the way through, so that thin
   /// but bright gas is met by most rays and not by one in a thousand.
-  static float emission_rate(const Medium& medium, float t_max) {
-    return static_cast<float>(4 / std::min(medium.diagonal(), static_cast<double>(t_max)));
-  }
+  static float emission_rate(const Medium& medium, double t_max) { return static_cast<float>(4 / std::min(medium.diagonal(), t_max)); }
 
   /// Emission met at a tentative collision. It could have been sampled as a light, too: in the measure dω dt this ray came
   /// with the density of its direction times the rate of collisions, for which a constant of the medium stands.
-  void add_volume_emission(const Medium& medium, Rgb radiance, Vec3 p);
+  void add_volume_emission(const Medium& medium, Rgb radiance, DVec3 p);
   static float typical_rate(const Medium& medium) { return static_cast<float>(std::max(4 / medium.diagonal(), medium.mean_sigma_t())); }
 
-  bool scatter_in_medium(float t, Vec3 p);
+  bool scatter_in_medium(double t, DVec3 p);
 
   // --- surfaces ------------------------------------------------------------------------------------------
 
@@ -228,18 +226,18 @@ class PathKernel {
   }
 
   /// Where a ray from the surface starts that heads for w.
-  Vec3 origin_of(const SurfacePoint& s, Vec3 w) const { return uses(kTouching) && here_ ? here_->origin(s.p, w) : offset_origin(s, w); }
+  DVec3 origin_of(const SurfacePoint& s, DVec3 w) const { return uses(kTouching) && here_ ? here_->origin(s.p, w) : offset_origin(s, w); }
 
   /// The path heads for w from a surface, which is this member of the place where the path stands, or kNone. A transmission
   /// crosses the member `joined`, too; else the path stays on its outer side.
-  void leave(int member, Vec3 w, int joined = kNone, bool transmission = false) {
+  void leave(int member, DVec3 w, int joined = kNone, bool transmission = false) {
     if (!uses(kTouching) || member == kNone) return;
     here_->leave(member, w);
-    if (joined != kNone) here_->leave(joined, transmission ? w : (*here_)[joined].s.ng);
+    if (joined != kNone) here_->leave(joined, transmission ? w : DVec3((*here_)[joined].s.ng));
   }
 
   /// The medium that the path is in when it has left the surface for w, and the member `joined` with a transmission.
-  int medium_after_leaving(const SurfaceInfo& info, Vec3 ng, Vec3 w, int joined, bool transmission) const {
+  int medium_after_leaving(const SurfaceInfo& info, Vec3 ng, DVec3 w, int joined, bool transmission) const {
     if (uses(kTouching) && joined != kNone && transmission) return medium_towards(surface_of((*here_)[joined]), (*here_)[joined].s.ng, w);
     return medium_towards(info, ng, w);
   }
@@ -283,7 +281,7 @@ class PathKernel {
   template <typename Model>
   bool scatter_at_surface(const SurfacePoint& s, const SurfaceInfo& info, const Model& bsdf, Vec3 ns, int member, int joined) {
     const Frame frame = uses(kGeneralSurfaces) ? shading_frame(ns, s.dpdu) : Frame::from_normal(ns);
-    const Vec3 wo = frame.to_local(-ray_.d);
+    const Vec3 wo = frame.to_local(Vec3(-ray_.d));
     if (!first_seen_) see_first(albedo(bsdf, wo), ns);
     if (!may_scatter()) return false;
     next_vertex();
@@ -318,7 +316,7 @@ class PathKernel {
     return survives_roulette();
   }
 
-  int medium_towards(const SurfaceInfo& info, Vec3 ng, Vec3 w) const {
+  int medium_towards(const SurfaceInfo& info, Vec3 ng, DVec3 w) const {
     return uses(kMedia) ? world_.medium_after(info, ng, w, medium_) : kNone;
   }
 
@@ -333,38 +331,39 @@ class PathKernel {
   };
 
   template <typename Evaluate>
-  void sample_lights(Vec3 reference, Evaluate&& evaluate) {
+  void sample_lights(DVec3 reference, Evaluate&& evaluate) {
     if (uses(kLightSampling)) sample_light(reference, evaluate);
     if (uses(kEmissionSampling)) sample_emission(reference, evaluate);
   }
 
-  Shadow shadow(const Ray& ray, float distance, int medium, TargetPrimitive target, Stream& random) {
+  Shadow shadow(const Ray& ray, double distance, int medium, TargetPrimitive target, Stream& random) {
     return trace_shadow(world_, ray, distance, medium, target, random, ways_, uses(kPassableSurfaces), count_,
                         uses(kTouching) && here_ ? &*here_ : nullptr);
   }
 
   /// Next-event estimation: one light, chosen by power.
   template <typename Evaluate>
-  void sample_light(Vec3 reference, Evaluate&& evaluate);
+  void sample_light(DVec3 reference, Evaluate&& evaluate);
 
-  /// Points a shadow ray that starts beside the reference point at the light sample; false where they coincide, or where the ray
-  /// starts on the other side of what emits: a lamp must not light itself, whose points are off it by their rounding.
-  static bool aim(const LightSample& light, Vec3 reference, Ray& ray, float& distance) {
-    if (!std::isfinite(distance)) return true;
-    const Vec3 target = light.shape != kNone ? light.p : reference + light.wi * distance;
-    const Vec3 to = target - ray.o;
-    distance = glm::length(to);
-    if (!(distance > 0)) return false;
+  /// Points a shadow ray that starts beside the reference point at the light sample. Gives the distance; nothing where they coincide, or
+  /// where the ray starts on the other side of what emits: a light must not light itself, whose points are off it by their error.
+  static std::optional<double> aim(const LightSample& light, Ray& ray) {
+    if (!light.is_bounded) return static_cast<double>(kInf);
+    const DVec3 to = light.p - ray.o;
+    const double distance = glm::length(to);
+    if (!(distance > 0)) return std::nullopt;
     ray.d = to / distance;
-    if (light.shape == kNone) return true;
+    if (light.target.shape == kNone) return distance;
     // How far the start lies on the drawn side, and what rounding makes of both points.
-    const float ahead = glm::dot(light.n, to) * (glm::dot(light.n, light.wi) > 0 ? 1.0f : -1.0f);
-    return ahead > 0x1p-23f * glm::dot(glm::abs(light.n), glm::abs(target) + glm::abs(ray.o));
+    const DVec3 n(light.n);
+    const double ahead = glm::dot(n, to) * (glm::dot(light.n, light.wi) > 0 ? 1 : -1);
+    if (!(ahead > 0x1p-40 * glm::dot(glm::abs(n), glm::abs(light.p) + glm::abs(ray.o)))) return std::nullopt;
+    return distance;
   }
 
   /// A point of an emitting grid, its bricks chosen by power: ∫ f T σa Le dω dt over the points of the medium.
   template <typename Evaluate>
-  void sample_emission(Vec3 reference, Evaluate&& evaluate);
+  void sample_emission(DVec3 reference, Evaluate&& evaluate);
 
   bool with_mis() const { return settings_.features.has(Feature::kMis); }
 
@@ -383,7 +382,7 @@ class PathKernel {
   /// A segment of a medium, for the densities of what might have happened on it.
   struct Flight {
     Ray ray;
-    float t_max, t;  ///< its end and the distance of the scattering
+    double t_max, t;  ///< its end and the distance of the scattering
     int medium;
     Rgb share;  ///< of the channels at its start
   };
@@ -392,15 +391,13 @@ class PathKernel {
   /// to the light. The same light is found by free flight and light sampling, and by free flight and chance; the three are
   /// weighted by the power heuristic in the measure dt dω. Weights know σt of homogeneous media and its mean in others,
   /// never an estimate of the transmittance.
-  void sample_equiangular(const Medium& medium, float t_max);
+  void sample_equiangular(const Medium& medium, double t_max);
 
   /// A light farther away than this many mean free paths is found by free flight.
-  static bool is_near(const Medium& medium, Vec3 from, Vec3 position) {
-    return medium.mean_sigma_t() * static_cast<double>(glm::length(position - from)) < 4;
-  }
+  static bool is_near(const Medium& medium, DVec3 from, DVec3 position) { return medium.mean_sigma_t() * glm::length(position - from) < 4; }
 
   /// The density of the distance t by free flight, per render unit; in heterogeneous media that of their mean.
-  float flight_density(const Medium& medium, Rgb share, float t) const;
+  float flight_density(const Medium& medium, Rgb share, double t) const;
 
   /// How much likelier than by free flight the last vertex, if it lies in a medium, is reached by equiangular sampling
   /// towards this light, its choice included.
@@ -427,7 +424,7 @@ class PathKernel {
     stopped_ = settings_.watch->cancel.load(std::memory_order_relaxed);
   }
 
-  void after_scattering(Vec3 at) {
+  void after_scattering(DVec3 at) {
     reference_ = at;
     travelled_ = 0;
     begin_segment();
@@ -463,7 +460,7 @@ class PathKernel {
   float eta_scale_ = 1;
   /// Of the last scattering: the point it happened at and the pdf of the direction, 0 where light sampling could not
   /// have given it (camera, specular).
-  Vec3 reference_{0};
+  DVec3 reference_{0};
   float direction_pdf_ = 0;
   double travelled_ = 0;  ///< since the last scattering, render units
   /// The surfaces where the path stands, if others may coincide with the one it met.

@@ -7,7 +7,7 @@ namespace woodcock {
 
 template <uint32_t kMask>
 template <typename Evaluate>
-void PathKernel<kMask>::sample_light(Vec3 reference, Evaluate&& evaluate) {
+void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
   const auto choice = world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform_double());
   if (!choice) return;
   Stream random = stream(key_, vertex_, Purpose::kLightSample);
@@ -17,10 +17,10 @@ void PathKernel<kMask>::sample_light(Vec3 reference, Evaluate&& evaluate) {
   Scattered scattered;
   evaluate(light->wi, scattered);
   if (is_black(scattered.value)) return;
-  float distance = light->distance;
-  if (!aim(*light, reference, scattered.shadow, distance)) return;
+  const auto distance = aim(*light, scattered.shadow);
+  if (!distance) return;
   Stream tracking = stream(key_, vertex_, Purpose::kTransmittance);
-  const Rgb transmittance = shadow(scattered.shadow, distance, scattered.medium, {light->shape, light->primitive}, tracking).transmittance;
+  const Rgb transmittance = shadow(scattered.shadow, *distance, scattered.medium, light->target, tracking).transmittance;
   if (is_black(transmittance)) return;
   const float light_pdf = choice->pmf * light->pdf;
   const float mis =
@@ -30,7 +30,7 @@ void PathKernel<kMask>::sample_light(Vec3 reference, Evaluate&& evaluate) {
 
 template <uint32_t kMask>
 template <typename Evaluate>
-void PathKernel<kMask>::sample_emission(Vec3 reference, Evaluate&& evaluate) {
+void PathKernel<kMask>::sample_emission(DVec3 reference, Evaluate&& evaluate) {
   if (world_.emissive_media.empty()) return;
   Stream random = stream(key_, vertex_, Purpose::kEmission);
   const Vec2 u = random.uniform2();
@@ -38,16 +38,16 @@ void PathKernel<kMask>::sample_emission(Vec3 reference, Evaluate&& evaluate) {
   const Medium& medium = world_.media[chosen];
   const float u_z = random.uniform();
   const auto brick = medium.emission_bricks()->sample({u.x, u.y, u_z}, random.uniform_double());
-  Vec3 to = brick.p - reference;
-  float distance = glm::length(to);
+  DVec3 to = brick.p - reference;
+  double distance = glm::length(to);
   if (!(distance > 0)) return;
   ++count_.emission_lookups;
   const Rgb emission = look_up(medium, brick.p).emission;
   if (is_black(emission)) return;
   Scattered scattered;
-  evaluate(to / distance, scattered);
+  evaluate(Vec3(to / distance), scattered);
   if (is_black(scattered.value)) return;
-  const float density = world_.emissive_pmf(chosen) * brick.pdf * distance * distance;
+  const float density = world_.emissive_pmf(chosen) * brick.pdf * static_cast<float>(distance * distance);
   to = brick.p - scattered.shadow.o;
   distance = glm::length(to);
   if (!(distance > 0)) return;
@@ -60,8 +60,8 @@ void PathKernel<kMask>::sample_emission(Vec3 reference, Evaluate&& evaluate) {
 
 template <uint32_t kMask>
 void PathKernel<kMask>::add_emission(const Hit& hit, const SurfacePoint& s, int light) {
-  const EmitterHit emitter{s.p, s.ng, s.uv, hit.primitive};
-  const Rgb radiance = world_.lights.emitted(light, emitter, -ray_.d);
+  const EmitterHit emitter{s.p, s.ng, s.uv, hit.primitive, hit.uv};
+  const Rgb radiance = world_.lights.emitted(light, emitter, Vec3(-ray_.d));
   if (is_black(radiance)) return;
   float mis = 1;
   if (uses(kLightSampling) && direction_pdf_ > 0) {
@@ -83,26 +83,28 @@ void PathKernel<kMask>::add_environment() {
 }
 
 template <uint32_t kMask>
-void PathKernel<kMask>::sample_equiangular(const Medium& medium, float t_max) {
+void PathKernel<kMask>::sample_equiangular(const Medium& medium, double t_max) {
   const double u_distance = equiangular_.uniform_double();
   const auto choice = world_.lights.choose_bounded(equiangular_.uniform_double());
   if (!choice) return;
-  const Vec3 position = world_.lights.position(choice->light);
+  const DVec3 position = world_.lights.position(choice->light);
   if (!is_near(medium, ray_.o, position)) return;
   const EquiangularDistances distances(ray_, position, t_max);
   if (distances.angle() < kLeastAngle) return;
-  const float t = distances.sample(u_distance), pdf = distances.pdf(t);
-  const Vec3 p = ray_.at(t);
+  const double t = distances.sample(u_distance);
+  const float pdf = distances.pdf(t);
+  const DVec3 p = ray_.at(t);
   const Vec2 u = equiangular_.uniform2();
   const auto light = world_.lights.sample(choice->light, p, u, equiangular_.uniform_double());
   if (!(pdf > 0) || !(t < t_max) || !light || is_black(light->radiance)) return;
   const MediumPoint m = look_up(medium, p);
   const PhaseMix phase = medium.phase_at(p);
-  const Vec3 wo = -ray_.d;
+  const Vec3 wo(-ray_.d);
   Ray ray{p, light->wi, ray_.time};
-  float distance = light->distance;
-  if (is_black(m.sigma_s) || !aim(*light, p, ray, distance)) return;
-  const Rgb to_light = shadow(ray, distance, medium_, {light->shape, light->primitive}, equiangular_).transmittance;
+  if (is_black(m.sigma_s)) return;
+  const auto distance = aim(*light, ray);
+  if (!distance) return;
+  const Rgb to_light = shadow(ray, *distance, medium_, light->target, equiangular_).transmittance;
   if (is_black(to_light)) return;
   const Rgb to_point = estimate_transmittance(medium, ray_, t, equiangular_, count_, ways_);
   const float density = pdf * choice->pmf * light->pdf, flown = flight_density(medium, shares(), t);
@@ -112,8 +114,8 @@ void PathKernel<kMask>::sample_equiangular(const Medium& medium, float t_max) {
 }
 
 template <uint32_t kMask>
-float PathKernel<kMask>::flight_density(const Medium& medium, Rgb share, float t) const {
-  const auto density = [&](double sigma) { return sigma * std::exp(-sigma * static_cast<double>(t)); };
+float PathKernel<kMask>::flight_density(const Medium& medium, Rgb share, double t) const {
+  const auto density = [&](double sigma) { return sigma * std::exp(-sigma * t); };
   double sum = 0;
   if (!medium.is_homogeneous() || !is_chromatic(medium)) {
     sum = density(medium.is_homogeneous() ? static_cast<double>(medium.homogeneous().sigma_t.x) : medium.mean_sigma_t());
@@ -129,7 +131,7 @@ float PathKernel<kMask>::equiangular_odds(int light) const {
   const Flight& flight = *last_flight_;
   const float pmf = world_.lights.bounded_pmf(light);
   const Medium& medium = world_.media[flight.medium];
-  const Vec3 position = world_.lights.position(light);
+  const DVec3 position = world_.lights.position(light);
   if (!(pmf > 0) || !is_near(medium, flight.ray.o, position)) return 0;
   const EquiangularDistances distances(flight.ray, position, flight.t_max);
   if (distances.angle() < kLeastAngle) return 0;

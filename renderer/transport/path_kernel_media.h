@@ -6,17 +6,17 @@
 namespace woodcock {
 
 /// j (1 − exp(−σ t))/σ per channel: what a segment of length t emits towards its start; j t where nothing dims it.
-inline Rgb segment_emission(Rgb j, Rgb sigma, float t) {
+inline Rgb segment_emission(Rgb j, Rgb sigma, double t) {
   Rgb result{0};
   for (int c = 0; c < 3; ++c) {
-    const double sigma_c = sigma[c], t_c = t, j_c = j[c];
-    if (j[c] > 0) result[c] = static_cast<float>(sigma[c] > 0 ? -std::expm1(-sigma_c * t_c) * (j_c / sigma_c) : j_c * t_c);
+    const double sigma_c = sigma[c], j_c = j[c];
+    if (j[c] > 0) result[c] = static_cast<float>(sigma[c] > 0 ? -std::expm1(-sigma_c * t) * (j_c / sigma_c) : j_c * t);
   }
   return result;
 }
 
 template <uint32_t kMask>
-std::optional<float> PathKernel<kMask>::fly_homogeneous(const MediumPoint& m, bool chromatic, float t_max) {
+std::optional<double> PathKernel<kMask>::fly_homogeneous(const MediumPoint& m, bool chromatic, double t_max) {
   if (uses(kVolumeEmission) && !is_black(m.emission)) add(segment_emission(m.emission, m.sigma_t, t_max));
   if (!uses(kVolumeScattering) || is_black(m.sigma_s) || !may_scatter()) {
     beta_ *= attenuation(m.sigma_t, t_max);
@@ -24,7 +24,7 @@ std::optional<float> PathKernel<kMask>::fly_homogeneous(const MediumPoint& m, bo
     return std::nullopt;
   }
   if (!chromatic) {
-    const float t = flight_.exponential() / m.sigma_t.x;
+    const double t = static_cast<double>(flight_.exponential()) / static_cast<double>(m.sigma_t.x);
     if (t >= t_max) return std::nullopt;
     beta_ *= m.sigma_s / m.sigma_t.x;
     return t;
@@ -32,13 +32,15 @@ std::optional<float> PathKernel<kMask>::fly_homogeneous(const MediumPoint& m, bo
   const Rgb share = shares();
   const int hero = choose_channel(share);
   const float hero_sigma = m.sigma_t[hero];
-  const float t = hero_sigma > 0 ? flight_.exponential() / hero_sigma : kInf;
+  const double t =
+      hero_sigma > 0 ? static_cast<double>(flight_.exponential()) / static_cast<double>(hero_sigma) : static_cast<double>(kInf);
   const bool through = t >= t_max;
   // Transmittances relative to the hero's: exp(−(σt − σt_hero) t), formed in the exponent so that the ratio of two
   // numbers too small for a float is right.
   Rgb relative{1};
   for (int c = 0; c < 3; ++c) {
-    if (m.sigma_t[c] != hero_sigma) relative[c] = std::exp((hero_sigma - m.sigma_t[c]) * std::min(t, t_max));
+    if (m.sigma_t[c] != hero_sigma)
+      relative[c] = static_cast<float>(std::exp(static_cast<double>(hero_sigma - m.sigma_t[c]) * std::min(t, t_max)));
   }
   const Rgb value = through ? relative : relative * m.sigma_s, density = through ? relative : relative * m.sigma_t;
   const float mixture = glm::dot(share, density);
@@ -49,8 +51,8 @@ std::optional<float> PathKernel<kMask>::fly_homogeneous(const MediumPoint& m, bo
 }
 
 template <uint32_t kMask>
-std::optional<float> PathKernel<kMask>::fly_endless(const Medium& medium, const EndlessPart& endless) {
-  if (const auto t = track(medium, static_cast<float>(endless.from)); t || ended_) return t;
+std::optional<double> PathKernel<kMask>::fly_endless(const Medium& medium, const EndlessPart& endless) {
+  if (const auto t = track(medium, endless.from); t || ended_) return t;
   if (uses(kVolumeScattering) && may_scatter() && !has_closed_forms(endless.point)) return diverge();
   if (is_black(beta_)) {
     ended_ = true;
@@ -58,11 +60,11 @@ std::optional<float> PathKernel<kMask>::fly_endless(const Medium& medium, const 
   }
   const auto beyond = fly_homogeneous(endless.point, is_chromatic(medium), kInf);
   if (!beyond) return std::nullopt;
-  return static_cast<float>(endless.from + static_cast<double>(*beyond));
+  return endless.from + *beyond;
 }
 
 template <uint32_t kMask>
-std::optional<float> PathKernel<kMask>::track(const Medium& medium, float t_max) {
+std::optional<double> PathKernel<kMask>::track(const Medium& medium, double t_max) {
   const bool scatters = uses(kVolumeScattering) && medium.scatters() && may_scatter();
   const bool emits = uses(kVolumeEmission) && medium.emits();
   if (!scatters && !emits) {
@@ -73,11 +75,13 @@ std::optional<float> PathKernel<kMask>::track(const Medium& medium, float t_max)
   if (!std::isfinite(t_max) && medium.is_homogeneous()) return diverge();
   if (!emits && ways_.grey && medium.is_achromatic()) return track_achromatic(medium, t_max);
   TentativeCollisions collisions(medium, ray_, t_max, flight_, ways_.bricks, emits ? emission_rate(medium, t_max) : 0);
+  // Where nothing scatters β only shrinks: once little is left of it roulette decides, as for shadow rays.
+  const float little = kTransmittanceRoulette * max_component(glm::abs(beta_));
   while (collisions.next()) {
     ++count_.medium_lookups;
     if (is_cancelled()) return std::nullopt;
     const float majorant = collisions.majorant(), inverse = 1 / majorant;
-    const Vec3 p = ray_.at(collisions.t());
+    const DVec3 p = ray_.at(collisions.t());
     const MediumPoint m = medium.at(p);
     if (emits) {
       ++count_.emission_lookups;
@@ -98,12 +102,17 @@ std::optional<float> PathKernel<kMask>::track(const Medium& medium, float t_max)
     const bool real = scatters && flight_.uniform_double() < static_cast<double>(q);
     beta_ *= (real ? sigma_s : sigma_n) * (inverse / (real ? q : 1 - q));
     if (real) return collisions.t();
+    if (!scatters && max_component(glm::abs(beta_)) < little) {
+      ended_ = flight_.uniform() >= kRouletteSurvival;
+      if (ended_) return std::nullopt;
+      beta_ /= kRouletteSurvival;
+    }
   }
   return std::nullopt;
 }
 
 template <uint32_t kMask>
-std::optional<float> PathKernel<kMask>::track_achromatic(const Medium& medium, float t_max) {
+std::optional<double> PathKernel<kMask>::track_achromatic(const Medium& medium, double t_max) {
   const float unit_t = medium.unit().sigma_t.x, unit_s = medium.unit().sigma_s.x;
   TentativeCollisions collisions(medium, ray_, t_max, flight_, ways_.bricks);
   while (collisions.next()) {
@@ -127,18 +136,19 @@ std::optional<float> PathKernel<kMask>::track_achromatic(const Medium& medium, f
 }
 
 template <uint32_t kMask>
-void PathKernel<kMask>::add_volume_emission(const Medium& medium, Rgb radiance, Vec3 p) {
+void PathKernel<kMask>::add_volume_emission(const Medium& medium, Rgb radiance, DVec3 p) {
   if (is_black(radiance)) return;
   float mis = 1;
   if (uses(kEmissionSampling) && direction_pdf_ > 0 && medium.emission_bricks() != nullptr) {
-    const float sampled = world_.emissive_pmf(medium_) * medium.emission_bricks()->pdf(p) * length_squared(p - reference_);
+    const float sampled =
+        world_.emissive_pmf(medium_) * medium.emission_bricks()->pdf(p) * static_cast<float>(length_squared(p - reference_));
     mis = power_heuristic(direction_pdf_ * typical_rate(medium), sampled);
   }
   add(radiance * mis);
 }
 
 template <uint32_t kMask>
-bool PathKernel<kMask>::scatter_in_medium(float t, Vec3 p) {
+bool PathKernel<kMask>::scatter_in_medium(double t, DVec3 p) {
   const Medium& medium = world_.media[medium_];
   travelled_ += t;
   if (uses(kEquiangular)) {
@@ -151,7 +161,7 @@ bool PathKernel<kMask>::scatter_in_medium(float t, Vec3 p) {
   if (!first_seen_) see_first(albedo(medium.is_separable() ? medium.unit() : look_up(medium, p)), Vec3(0));
   next_vertex();
   const PhaseMix phase = medium.phase_at(p);
-  const Vec3 wo = -ray_.d;
+  const Vec3 wo(-ray_.d);
 
   sample_lights(p, [&](Vec3 wi, Scattered& scattered) {
     scattered = {phase.eval(wo, wi), phase.pdf(wo, wi), {p, wi, ray_.time}, medium_};

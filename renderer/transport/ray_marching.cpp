@@ -44,9 +44,7 @@ DVec3 comb(const Medium& medium, const Ray& ray, const MarchedSegments& segments
     while (part + 1 != segments.end() && (part + 1)->begin <= depth) ++part;
     const MajorantSegment& s = part->segment;
     const float rate = s.sigma - s.lower;
-    const auto t = static_cast<float>(
-        std::min(static_cast<double>(s.t1), static_cast<double>(s.t0) + (depth - part->begin) / static_cast<double>(rate)));
-    const Vec3 p = ray.at(t);
+    const DVec3 p = ray.at(std::min(s.t1, s.t0 + (depth - part->begin) / static_cast<double>(rate)));
     sum += DVec3((grey ? Rgb(medium.grey_sigma_t(p)) : medium.sigma_t(p)) - s.lower) / static_cast<double>(rate);
   }
   return sum * -step;
@@ -71,10 +69,10 @@ double series(const std::array<double, kMostOrder>& x, const Order& order) {
 
 }  // namespace
 
-MarchedSegments::MarchedSegments(const Medium& medium, const Ray& ray, float t_max, bool bricks) {
+MarchedSegments::MarchedSegments(const Medium& medium, const Ray& ray, double t_max, bool bricks) {
   MajorantWalk walk(medium, ray, t_max, bricks);
   while (const auto segment = walk.next()) {
-    const double length = static_cast<double>(segment->t1) - static_cast<double>(segment->t0);
+    const double length = segment->t1 - segment->t0;
     lower_depth_ += static_cast<double>(segment->lower) * length;
     if (!(segment->sigma > segment->lower)) continue;
     if (count_ == parts_.size()) {

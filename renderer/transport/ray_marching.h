@@ -12,7 +12,7 @@ namespace woodcock {
 class MarchedSegments {
  public:
   /// Walks the bricks along ray.at(0 … t_max); t_max is finite.
-  MarchedSegments(const Medium& medium, const Ray& ray, float t_max, bool bricks);
+  MarchedSegments(const Medium& medium, const Ray& ray, double t_max, bool bricks);
 
   /// ∫ (σ̄ − σl): the most that the unknown part of the optical depth can be.
   double depth() const { return depth_; }

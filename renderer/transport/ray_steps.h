@@ -13,7 +13,7 @@ namespace woodcock {
 class RaySteps {
  public:
   /// `step` > 0 in render units; `sample` and `ray` must outlive this.
-  RaySteps(WalkSample& sample, const Medium& medium, const Ray& ray, float t_max, float step, float u)
+  RaySteps(WalkSample& sample, const Medium& medium, const Ray& ray, double t_max, float step, float u)
       : sample_(sample),
         medium_(medium),
         ray_(ray),
@@ -33,7 +33,7 @@ class RaySteps {
     end_ = std::min(extent_.end, extent_.begin + static_cast<double>(++index_) * step_);
     length_ = end_ - begin_;
     if (!(length_ > 0)) return false;
-    point_ = sample_.look_up(medium_, ray_.at(static_cast<float>(t())));
+    point_ = sample_.look_up(medium_, ray_.at(t()));
     return true;
   }
 

@@ -21,7 +21,7 @@ class TentativeCollisions {
  public:
   /// `random` must outlive this; the caller may draw from it between two collisions. Where the majorant is positive and
   /// below `least_rate`, that takes its place: any upper bound is a majorant.
-  TentativeCollisions(const Medium& medium, const Ray& ray, float t_max, Stream& random, bool bricks = true, float least_rate = 0,
+  TentativeCollisions(const Medium& medium, const Ray& ray, double t_max, Stream& random, bool bricks = true, float least_rate = 0,
                       Collide collide = Collide::kMajorant)
       : walk_(medium, ray, t_max, bricks), random_(random), least_rate_(least_rate), collide_(collide) {}
 
@@ -30,7 +30,7 @@ class TentativeCollisions {
     double depth = random_.exponential();
     while (inside_ || enter_next()) {
       // In double, so that a step far smaller than t still moves. A rate of zero may meet an endless segment.
-      const double to_end = rate_ > 0 ? (static_cast<double>(segment_.t1) - t_) * static_cast<double>(rate_) : 0;
+      const double to_end = rate_ > 0 ? (segment_.t1 - t_) * static_cast<double>(rate_) : 0;
       if (depth < to_end) {
         t_ += depth / static_cast<double>(rate_);
         return true;
@@ -41,7 +41,7 @@ class TentativeCollisions {
     return false;
   }
 
-  float t() const { return static_cast<float>(t_); }
+  double t() const { return t_; }
   float majorant() const { return segment_.sigma; }
   /// The rate of collisions here, and the part of σt that does not collide.
   float rate() const { return rate_; }
@@ -65,11 +65,11 @@ class TentativeCollisions {
     inside_ = true;
     segment_ = *segment;
     segment_.sigma = std::max(segment_.sigma, least_rate_);
-    t_ = static_cast<double>(segment_.t0);
+    t_ = segment_.t0;
     rate_ = segment_.sigma;
     if (collide_ == Collide::kAboveLowerBound && segment_.lower > 0) {
       rate_ -= segment_.lower;
-      lower_depth_ += static_cast<double>(segment_.lower) * (static_cast<double>(segment_.t1) - static_cast<double>(segment_.t0));
+      lower_depth_ += static_cast<double>(segment_.lower) * (segment_.t1 - segment_.t0);
       if (lower_depth_ > kLowerDepth) {
         if (last_depth_ == 0) last_depth_ = kLowerDepth + random_.exponential();
         ended_below_ = lower_depth_ > last_depth_;

@@ -9,14 +9,6 @@
 namespace woodcock {
 namespace {
 
-/// A hit on the target's own primitive this close to the sampled point is the sampled point; in parts of the whole way,
-/// since behind a boundary next to the target next to nothing of it is left.
-constexpr double kTargetTolerance = 1e-3;
-
-/// Below this estimate roulette decides whether a tracking goes on.
-constexpr float kRouletteThreshold = 0.1f;
-constexpr float kRouletteSurvival = 0.25f;
-
 /// Between these optical depths (of what the bounds leave open) ray marching without bias is worth its look-ups: in smoke that
 /// only absorbs it was measured 3 times as efficient as tracking, below and above it is a loss of some percent. In media that
 /// scatter, where most shadow rays do not matter much, it loses up to a fifth, so they are tracked.
@@ -25,7 +17,7 @@ constexpr double kShallow = 1, kDeep = 20;
 const SurfaceInfo& surface_of(const World& world, int shape) { return world.surfaces[static_cast<size_t>(shape)]; }
 
 /// Passes a surface in direction w, which may change the medium. False where it is in the way.
-bool pass_surface(const World& world, const Hit& hit, const SurfacePoint& s, Vec3 w, int& medium, Stream& random) {
+bool pass_surface(const World& world, const Hit& hit, const SurfacePoint& s, DVec3 w, int& medium, Stream& random) {
   const SurfaceInfo& info = surface_of(world, hit.shape);
   if (!info.passes_shadows) return false;
   const TextureContext context{s.uv, s.p};
@@ -39,7 +31,7 @@ bool pass_surface(const World& world, const Hit& hit, const SurfacePoint& s, Vec
 /// Passes all that is left to cross of a place, up to the surface that `is_end` names. False where something is in the way
 /// or the end is reached.
 template <typename IsEnd>
-bool pass_junction(const World& world, Junction& here, Vec3 w, int& medium, Stream& random, IsEnd&& is_end) {
+bool pass_junction(const World& world, Junction& here, DVec3 w, int& medium, Stream& random, IsEnd&& is_end) {
   for (int member = here.next(w, medium); member != kNone; member = here.next(w, medium)) {
     const Junction::Member& m = here[member];
     if (is_end(m.hit) || !pass_surface(world, m.hit, m.s, w, medium, random)) return false;
@@ -66,14 +58,14 @@ Rgb attenuation(Rgb sigma, double t) {
   return result;
 }
 
-Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, Stream& random, PathCounters& count,
+Rgb estimate_transmittance(const Medium& medium, const Ray& ray, double t_max, Stream& random, PathCounters& count,
                            const TransmittanceWays& ways) {
   // An endless way is left to the closed form: where a channel has no extinction a tracking would never end.
   if (medium.is_homogeneous() && (ways.closed_forms || !std::isfinite(t_max))) return attenuation(medium.homogeneous().sigma_t, t_max);
   if (const auto endless = endless_part(medium, ray, t_max)) {
     const Rgb beyond = attenuation(endless->point.sigma_t, kInf);
     if (is_black(beyond)) return beyond;
-    return beyond * estimate_transmittance(medium, ray, static_cast<float>(endless->from), random, count, ways);
+    return beyond * estimate_transmittance(medium, ray, endless->from, random, count, ways);
   }
   const bool grey = ways.grey && medium.is_grey();
   if (ways.ray_marching && !medium.scatters()) {
@@ -90,7 +82,7 @@ Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, St
   while (collisions.next()) {
     ++count.medium_lookups;
     if (flight_is_cancelled(ways, count)) return Rgb(0);
-    const Vec3 p = ray.at(collisions.t());
+    const DVec3 p = ray.at(collisions.t());
     const float inverse = 1 / collisions.rate(), lower = collisions.lower();
     if (grey) {
       estimate *= 1 - static_cast<double>((medium.grey_sigma_t(p) - lower) * inverse);
@@ -98,7 +90,7 @@ Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, St
       estimate *= DVec3(1) - DVec3((medium.sigma_t(p) - lower) * inverse);
     }
     const float largest = max_component(glm::abs(Rgb(estimate)));
-    if (largest < kRouletteThreshold) {
+    if (largest < kTransmittanceRoulette) {
       if (largest == 0 || random.uniform() >= kRouletteSurvival) return Rgb(0);
       estimate *= 1 / static_cast<double>(kRouletteSurvival);
     }
@@ -106,10 +98,10 @@ Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, St
   return Rgb(estimate) * collisions.lower_transmittance();
 }
 
-Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, TargetPrimitive target, Stream& random,
+Shadow trace_shadow(const World& world, Ray ray, double t_max, int medium, TargetPrimitive target, Stream& random,
                     const TransmittanceWays& ways, bool passable_surfaces, PathCounters& count, const Junction* from) {
   ++count.shadow_rays;
-  const auto through_medium = [&](Rgb estimate, float length) {
+  const auto through_medium = [&](Rgb estimate, double length) {
     if (medium == kNone) return estimate;
     return estimate * estimate_transmittance(world.media[medium], ray, length, random, count, ways);
   };
@@ -127,14 +119,13 @@ Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, Target
   double left = t_max;
   for (int crossing = 0; crossing < kMaxCrossings; ++crossing) {
     const auto hit = world.geometry.intersect(ray, left);
-    if (!hit) return {through_medium(estimate, static_cast<float>(left)), medium};
-    const bool arrives = left - hit->t < kTargetTolerance * static_cast<double>(t_max);
-    const auto is_end = [&](const Hit& h) { return arrives && h.shape == target.shape && h.primitive == target.primitive; };
+    if (!hit) return {through_medium(estimate, left), medium};
+    const auto is_end = [&](const Hit& h) { return world.geometry.is_target(h, ray, target); };
     const SurfaceInfo& info = surface_of(world, hit->shape);
     if (!info.passes_shadows && !info.has_company() && !is_end(*hit)) return {};
     const SurfacePoint s = world.geometry.surface(*hit, ray, Geometry::Tangents::kNotWanted);
     int behind = medium;
-    Vec3 next_origin;
+    DVec3 next_origin;
     bool ends = false;
     if (may_coincide(world, ray, *hit, s.p)) {
       Junction here(world, ray, *hit);
@@ -147,7 +138,7 @@ Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, Target
       if (!ends && !pass_surface(world, *hit, s, ray.d, behind, random)) return {};
       next_origin = offset_origin(s, ray.d);
     }
-    estimate = through_medium(estimate, static_cast<float>(hit->t));
+    estimate = through_medium(estimate, hit->t);
     if (is_black(estimate)) return {};
     if (ends) return {estimate, behind};
     medium = behind;

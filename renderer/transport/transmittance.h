@@ -11,6 +11,9 @@ namespace woodcock {
 /// More boundaries than this without a scattering mean a defect of the scene (a stack of coincident shells).
 inline constexpr int kMaxCrossings = 10000;
 
+/// Below this transmittance roulette decides whether a tracking goes on, and with which probability it does.
+inline constexpr float kTransmittanceRoulette = 0.1f, kRouletteSurvival = 0.25f;
+
 /// Which ways of estimating a transmittance may be used; the expectation is the same with any of them.
 struct TransmittanceWays {
   bool closed_forms = true;          ///< homogeneous media and constant bricks without tracking
@@ -37,7 +40,7 @@ Rgb attenuation(Rgb sigma, double t);
 /// the medium is homogeneous, else by residual ratio tracking, T̂ = e^{−∫σl} Π (1 − (σt(x_i) − σl)/(σ̄ − σl)) over the
 /// tentative collisions x_i of rate σ̄ − σl, σl ≤ σt ≤ σ̄ the bounds of a brick (Novák, Selle & Jarosz 2014, sections 3
 /// and 4), ended by Russian roulette below 0.1, or by ray marching without bias (ray_marching.h).
-Rgb estimate_transmittance(const Medium& medium, const Ray& ray, float t_max, Stream& random, PathCounters& count,
+Rgb estimate_transmittance(const Medium& medium, const Ray& ray, double t_max, Stream& random, PathCounters& count,
                            const TransmittanceWays& ways = {});
 
 /// What a shadow ray found.
@@ -47,9 +50,10 @@ struct Shadow {
 };
 
 /// A shadow ray from ray.o to the distance `t_max`, through interfaces and media. `medium` is the one the ray starts in.
-/// `target` is the primitive the light sample lies on. `from` is the place that the ray starts at, if surfaces coincide
+/// `target` names the light sample. Visibility is geometric: what the ray meets before the sampled point is in its way, another part
+/// of the light included. `from` is the place that the ray starts at, if surfaces coincide
 /// there; ray.o lies beyond all of them.
-Shadow trace_shadow(const World& world, Ray ray, float t_max, int medium, TargetPrimitive target, Stream& random,
+Shadow trace_shadow(const World& world, Ray ray, double t_max, int medium, TargetPrimitive target, Stream& random,
                     const TransmittanceWays& ways, bool passable_surfaces, PathCounters& count, const Junction* from = nullptr);
 
 }  // namespace woodcock

@@ -9,11 +9,11 @@ namespace woodcock {
 namespace {
 
 /// j ∫₀ᵗ e^(−σ s) ds = j (1 − e^(−σ t))/σ per channel; j t where σ = 0.
-Rgb gathered(Rgb j, Rgb sigma, float t) {
+Rgb gathered(Rgb j, Rgb sigma, double t) {
   Rgb sum{0};
   for (int c = 0; c < 3; ++c) {
     if (!(j[c] > 0)) continue;
-    const double s = static_cast<double>(sigma[c]), length = s > 0 ? -std::expm1(-s * t) / s : static_cast<double>(t);
+    const double s = static_cast<double>(sigma[c]), length = s > 0 ? -std::expm1(-s * t) / s : t;
     sum[c] = static_cast<float>(static_cast<double>(j[c]) * length);
   }
   return sum;
@@ -22,14 +22,14 @@ Rgb gathered(Rgb j, Rgb sigma, float t) {
 /// At each tentative collision under the majorant σ̄ the path gains σa Le/σ̄ and keeps 1 − σt/σ̄ of its weight.
 Flight pass(WalkSample& sample, Walk& w, const std::optional<Hit>& hit) {
   const Medium& medium = sample.world.media[w.medium];
-  const float z = hit ? static_cast<float>(hit->t) : kInf;
+  const double z = hit ? hit->t : static_cast<double>(kInf);
   const std::optional<EndlessPart> endless = endless_part(medium, w.ray, z);
   if (endless && diverges(*endless, w, false)) return sample.diverge();
   if (medium.is_homogeneous()) {
     const MediumPoint& m = medium.homogeneous();
     if (medium.emits()) sample.add(w, gathered(m.emission, m.sigma_t, z));
     w.beta *= attenuation(m.sigma_t, z);
-  } else if (const float reach = endless ? static_cast<float>(endless->from) : z; medium.emits()) {
+  } else if (const double reach = endless ? endless->from : z; medium.emits()) {
     TentativeCollisions collisions(medium, w.ray, reach, w.flight);
     while (collisions.next() && !sample.stopped) {
       const MediumPoint m = sample.look_up(medium, w.ray.at(collisions.t()));
@@ -40,7 +40,7 @@ Flight pass(WalkSample& sample, Walk& w, const std::optional<Hit>& hit) {
     w.beta *= estimate_transmittance(medium, w.ray, reach, w.flight, sample.count);
   }
   if (endless && !medium.is_homogeneous()) {
-    sample.add(w, gathered(endless->point.emission, endless->point.sigma_t, kInf));
+    sample.add(w, gathered(endless->point.emission, endless->point.sigma_t, static_cast<double>(kInf)));
     w.beta *= attenuation(endless->point.sigma_t, static_cast<double>(kInf));
   }
   return is_black(w.beta) ? Flight::kOver : Flight::kThrough;

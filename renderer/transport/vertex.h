@@ -1,6 +1,7 @@
 // What the vertices of all estimators' paths have in common.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -20,17 +21,18 @@ inline Frame shading_frame(Vec3 ns, Vec3 dpdu) {
 }
 
 /// The point at distance t of a ray, on the near side of the hit that ends its segment, if one does: rounding may put a point next to a
-/// boundary on it or beyond, and a path that went on from there would take the medium to be endless. `may_touch`: other surfaces may
+/// boundary on it or beyond, and a path that went on from there would take the medium to have no end. `may_touch`: other surfaces may
 /// coincide with the one hit.
-inline Vec3 point_before(const World& world, const Ray& ray, float t, const std::optional<Hit>& hit, bool may_touch = true) {
-  const Vec3 p = ray.at(t);
+inline DVec3 point_before(const World& world, const Ray& ray, double t, const std::optional<Hit>& hit, bool may_touch = true) {
+  const DVec3 p = ray.at(t);
   if (!hit) return p;
-  constexpr double kNear = 1e-3;  // farther away rounding matters only to rays that graze at less than 1e-4
-  if (hit->t - static_cast<double>(t) > kNear * (static_cast<double>(max_component(glm::abs(p))) + hit->t)) return p;
+  constexpr double kNear = 1e-6;  // farther away rounding matters only to rays that graze at less than 1e-6
+  if (hit->t - t > kNear * (std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) + hit->t)) return p;
   const SurfacePoint s = world.geometry.surface(*hit, ray, Geometry::Tangents::kNotWanted);
-  const Vec3 towards_us = glm::dot(ray.d, s.ng) < 0 ? s.ng : -s.ng;
+  const DVec3 n(s.ng), towards_us = glm::dot(ray.d, n) < 0 ? n : -n;
+  // What coincides with it may lie a little before it.
   if (may_touch && may_coincide(world, ray, *hit, s.p)) return Junction(world, ray, *hit).origin(p, -ray.d);
-  if (glm::dot(p - s.p, towards_us) > 2 * glm::dot(glm::abs(s.ng), s.p_error)) return p;
+  if (glm::dot(p - s.p, towards_us) > 2 * s.error) return p;
   return offset_origin(s, -ray.d);
 }
 

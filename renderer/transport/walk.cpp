@@ -21,7 +21,7 @@ bool survives_roulette(WalkSample& sample, Walk& w) {
 }
 
 /// What scattering changes beside the throughput.
-bool go_on(WalkSample& sample, Walk& w, Vec3 origin, Vec3 wi) {
+bool go_on(WalkSample& sample, Walk& w, DVec3 origin, Vec3 wi) {
   w.ray = {origin, wi, w.ray.time};
   w.unseen = 0;
   w.new_ray();
@@ -57,7 +57,7 @@ BsdfSample sample_uniformly(const Bsdf& bsdf, Vec3 wo, Vec2 u, Stream& layered) 
 
 /// Puts the walk's origin where a ray from the surface, the member of the place where it stands or kNone, starts that heads
 /// for `to`.
-void set_off(Walk& w, const SurfacePoint& s, int member, Vec3 to) {
+void set_off(Walk& w, const SurfacePoint& s, int member, DVec3 to) {
   if (member != kNone) w.here->leave(member, to);
   w.ray.o = w.here ? w.here->origin(s.p, to) : offset_origin(s, to);
 }
@@ -89,19 +89,19 @@ Walk WalkSample::branch(const Walk& w, Rgb weight) {
   return copy;
 }
 
-bool scatter_uniformly(WalkSample& sample, Walk& w, const Medium& medium, Vec3 p) {
+bool scatter_uniformly(WalkSample& sample, Walk& w, const Medium& medium, DVec3 p) {
   sample.next_vertex(w);
   const Vec3 wi = square_to_sphere(stream(w.key, w.vertex, Purpose::kDirection).uniform2());
-  w.beta *= medium.phase_at(p).eval(-w.ray.d, wi) / square_to_sphere_pdf();
+  w.beta *= medium.phase_at(p).eval(Vec3(-w.ray.d), wi) / square_to_sphere_pdf();
   w.first = false;
   return go_on(sample, w, p, wi);
 }
 
-bool scatter_by_phase(WalkSample& sample, Walk& w, const Medium& medium, Vec3 p) {
+bool scatter_by_phase(WalkSample& sample, Walk& w, const Medium& medium, DVec3 p) {
   sample.next_vertex(w);
   Stream random = stream(w.key, w.vertex, Purpose::kDirection);
   const Vec2 u = random.uniform2();
-  const auto s = medium.phase_at(p).sample(-w.ray.d, u, random.uniform());
+  const auto s = medium.phase_at(p).sample(Vec3(-w.ray.d), u, random.uniform());
   w.beta *= s.weight;
   w.first = false;
   return go_on(sample, w, p, s.wi);
@@ -146,7 +146,7 @@ SurfaceMeeting meet(WalkSample& sample, Walk& w, const Hit& hit, const SurfacePo
     set_off(w, s, member, w.ray.d);
     return meeting;
   }
-  if (info.light != kNone) sample.add(w, world.lights.emitted(info.light, {s.p, s.ng, s.uv, hit.primitive}, -w.ray.d));
+  if (info.light != kNone) sample.add(w, world.lights.emitted(info.light, {s.p, s.ng, s.uv, hit.primitive, hit.uv}, Vec3(-w.ray.d)));
   int material = info.material;
   if (!info.is_interface) {
     material = world.materials.resolve(material, context, w.crossing);
@@ -161,7 +161,7 @@ SurfaceMeeting meet(WalkSample& sample, Walk& w, const Hit& hit, const SurfacePo
   }
   meeting.normal = world.materials.shading_normal(material, context, {s.ns, s.dpdu, s.dpdv});
   const Frame frame = shading_frame(meeting.normal, s.dpdu);
-  sample.see(w, w.unseen, albedo(*meeting.bsdf, frame.to_local(-w.ray.d)), meeting.normal, 0);
+  sample.see(w, w.unseen, albedo(*meeting.bsdf, frame.to_local(Vec3(-w.ray.d))), meeting.normal, 0);
   w.unseen = 0;
   return meeting;
 }
@@ -170,7 +170,7 @@ bool bounce(WalkSample& sample, Walk& w, const SurfaceMeeting& meeting) {
   const Bsdf& bsdf = *meeting.bsdf;
   const SurfacePoint& s = meeting.point;
   const Frame frame = shading_frame(meeting.normal, s.dpdu);
-  const Vec3 wo = frame.to_local(-w.ray.d);
+  const Vec3 wo = frame.to_local(Vec3(-w.ray.d));
   sample.next_vertex(w);
   Stream direction = stream(w.key, w.vertex, Purpose::kDirection), layered = stream(w.key, w.vertex, Purpose::kLayered);
   std::optional<BsdfSample> scattered;

@@ -64,7 +64,7 @@ struct WalkSample {
   /// Counts a scattering of `w`; long samples show that they live and can be stopped.
   void next_vertex(Walk& w);
   /// The coefficients at a point: counted where they are looked up, and now and then a look at whether the sample is to end.
-  MediumPoint look_up(const Medium& medium, Vec3 p) {
+  MediumPoint look_up(const Medium& medium, DVec3 p) {
     if ((++looks & (kReportEvery - 1)) == 0 && settings.watch != nullptr)
       stopped = stopped || settings.watch->cancel.load(std::memory_order_relaxed);
     if (medium.is_homogeneous()) return medium.homogeneous();
@@ -82,10 +82,10 @@ struct WalkSample {
 };
 
 /// Scatters in a medium at `p` into a direction uniform on the sphere: weight 4π f(ω, ω′). False where roulette ends the walk.
-bool scatter_uniformly(WalkSample& sample, Walk& w, const Medium& medium, Vec3 p);
+bool scatter_uniformly(WalkSample& sample, Walk& w, const Medium& medium, DVec3 p);
 /// The same into a direction drawn from the phase function: weight f/pdf, which is 1 (eq. 13).
-bool scatter_by_phase(WalkSample& sample, Walk& w, const Medium& medium, Vec3 p);
-using ScatterFunction = bool (*)(WalkSample&, Walk&, const Medium&, Vec3);
+bool scatter_by_phase(WalkSample& sample, Walk& w, const Medium& medium, DVec3 p);
+using ScatterFunction = bool (*)(WalkSample&, Walk&, const Medium&, DVec3);
 
 /// Whether its sources add up to no finite number: in some channel there is a source and no extinction.
 bool diverges(const EndlessPart& endless, const Walk& w, bool scatters);

@@ -27,7 +27,7 @@ void keep_one_group(Walk& w, const EndlessPart& endless) {
 /// A collision that stops the ray, or nothing where it gets through.
 Flight fly(WalkSample& sample, Walk& w, const std::optional<Hit>& hit, ScatterFunction scatter) {
   const Medium& medium = sample.world.media[w.medium];
-  const float z = hit ? static_cast<float>(hit->t) : kInf;
+  const double z = hit ? hit->t : static_cast<double>(kInf);
   const bool scatters = medium.scatters() && sample.may_scatter(w);
   const std::optional<EndlessPart> endless = endless_part(medium, w.ray, z);
   if (endless && diverges(*endless, w, scatters)) return sample.diverge();
@@ -37,8 +37,7 @@ Flight fly(WalkSample& sample, Walk& w, const std::optional<Hit>& hit, ScatterFu
   for (double t = extent.begin;;) {
     t += static_cast<double>(w.flight.exponential()) / static_cast<double>(majorant);
     if (!(t < extent.end)) return Flight::kThrough;
-    const auto s = static_cast<float>(t);
-    const MediumPoint m = sample.look_up(medium, w.ray.at(s));
+    const MediumPoint m = sample.look_up(medium, w.ray.at(t));
     if (sample.stopped) return Flight::kOver;
     if (endless && t >= endless->from) keep_one_group(w, *endless);
     const Rgb sigma_s = scatters ? m.sigma_s : Rgb(0), kappa = glm::max(m.sigma_t, sigma_s);
@@ -64,7 +63,7 @@ Flight fly(WalkSample& sample, Walk& w, const std::optional<Hit>& hit, ScatterFu
     sample.add(w, m.emission / density);
     if (is_black(sigma_s)) return Flight::kOver;
     w.beta *= sigma_s / density;
-    return scatter(sample, w, medium, point_before(sample.world, w.ray, s, hit)) ? Flight::kScattered : Flight::kOver;
+    return scatter(sample, w, medium, point_before(sample.world, w.ray, t, hit)) ? Flight::kScattered : Flight::kOver;
   }
 }
 

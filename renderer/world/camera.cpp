@@ -34,7 +34,7 @@ Camera::Camera(const CameraDescription& camera, const FilmDescription& film, con
   const double unit = kind_ == CameraDescription::Kind::kPerspective ? std::tan(camera.fov * std::numbers::pi / 360) : 1.0;
   screen_origin_ = DVec2(x0, y1) * unit;
   screen_per_pixel_ = DVec2((x1 - x0) / film.x_resolution, (y0 - y1) / film.y_resolution) * unit;
-  position_ = Vec3(DVec3(render_from_camera_ * glm::dvec4(0, 0, 0, 1)));
+  position_ = DVec3(render_from_camera_ * glm::dvec4(0, 0, 0, 1));
 }
 
 Ray Camera::ray(DVec2 film, Vec2 lens, float time) const {
@@ -49,8 +49,8 @@ Ray Camera::ray(DVec2 film, Vec2 lens, float time) const {
     d = focus - o;
   }
   Ray ray;
-  ray.o = Vec3(DVec3(render_from_camera_ * glm::dvec4(o, 1)));
-  ray.d = Vec3(glm::normalize(DVec3(render_from_camera_ * glm::dvec4(d, 0))));
+  ray.o = DVec3(render_from_camera_ * glm::dvec4(o, 1));
+  ray.d = glm::normalize(DVec3(render_from_camera_ * glm::dvec4(d, 0)));
   ray.time = static_cast<float>(shutter_open_ + (shutter_close_ - shutter_open_) * static_cast<double>(time));
   return ray;
 }

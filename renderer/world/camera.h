@@ -19,11 +19,11 @@ class Camera {
   /// The ray through `film`, in render space and with a unit direction.
   /// film: continuous raster position in pixels, pixel (x, y) covers [x, x+1) × [y, y+1), y down.
   /// lens in [0,1)²: a point of the lens, unused by a pinhole. time in [0,1): a moment of the shutter interval.
-  /// Everything up to the last rounding is in double, so that a tiny screen window still tells pixels apart.
+  /// Everything is in double, so that a tiny screen window still tells pixels apart.
   Ray ray(DVec2 film, Vec2 lens, float time) const;
 
   /// The centre of projection (perspective) or of the screen window's plane (orthographic), in render space.
-  Vec3 position() const { return position_; }
+  DVec3 position() const { return position_; }
   /// True where points of the lens lead to different rays.
   bool has_lens() const { return lens_radius_ > 0; }
 
@@ -35,7 +35,7 @@ class Camera {
   double lens_radius_;      // camera-space units, that is before the camera's own scale
   double focal_distance_;
   double shutter_open_, shutter_close_;
-  Vec3 position_;
+  DVec3 position_;
 };
 
 }  // namespace woodcock

@@ -10,7 +10,7 @@ bool swaps_handedness(const DMat4& m) { return glm::determinant(glm::dmat3(m)) <
 template <typename Source, typename Target>
 void copy_vertices(const Source& source, const DMat4& target_from_object, bool reverse, Target& target) {
   target.positions.reserve(source.positions.size());
-  for (const DVec3 p : source.positions) target.positions.push_back(Vec3(DVec3(target_from_object * glm::dvec4(p, 1))));
+  for (const DVec3 p : source.positions) target.positions.push_back(DVec3(target_from_object * glm::dvec4(p, 1)));
   const glm::dmat3 normal_matrix = glm::transpose(glm::inverse(glm::dmat3(target_from_object)));
   target.normals.reserve(source.normals.size());
   for (const Vec3 n : source.normals) {
@@ -20,6 +20,9 @@ void copy_vertices(const Source& source, const DMat4& target_from_object, bool r
   }
   target.uv = source.uv;
 }
+
+/// As Embree sees a vertex: what has no area there is never met.
+DVec3 in_float(DVec3 p) { return DVec3(Vec3(p)); }
 
 double to_radians(double degrees) { return degrees * (3.14159265358979323846 / 180); }
 
@@ -33,7 +36,7 @@ struct Compiler {
     copy_vertices(*source, target_from_object, shape.reverse_orientation, mesh);
     mesh.triangles.reserve(source->triangles.size());
     for (const auto& t : source->triangles) {
-      const DVec3 p0 = mesh.positions[t[0]], p1 = mesh.positions[t[1]], p2 = mesh.positions[t[2]];
+      const DVec3 p0 = in_float(mesh.positions[t[0]]), p1 = in_float(mesh.positions[t[1]]), p2 = in_float(mesh.positions[t[2]]);
       const DVec3 n = glm::cross(p1 - p0, p2 - p0);
       if (glm::dot(n, n) > 0) {
         mesh.triangles.push_back(t);
@@ -47,8 +50,8 @@ struct Compiler {
     PatchMesh mesh;
     copy_vertices(*source, target_from_object, shape.reverse_orientation, mesh);
     for (const auto& p : source->patches) {
-      const DVec3 d1 = DVec3(mesh.positions[p[3]]) - DVec3(mesh.positions[p[0]]);
-      const DVec3 d2 = DVec3(mesh.positions[p[2]]) - DVec3(mesh.positions[p[1]]);
+      const DVec3 d1 = in_float(mesh.positions[p[3]]) - in_float(mesh.positions[p[0]]);
+      const DVec3 d2 = in_float(mesh.positions[p[2]]) - in_float(mesh.positions[p[1]]);
       const DVec3 n = glm::cross(d1, d2);
       if (glm::dot(n, n) > 0) {
         mesh.patches.push_back(p);

@@ -54,7 +54,7 @@ bool is_part_of_a_hull(const Mesh& mesh) {
   constexpr size_t kMostTriangles = 128;
   if (mesh.triangles.size() > kMostTriangles) return false;
   double size = 0;
-  for (const Vec3 p : mesh.positions) size = std::max(size, static_cast<double>(glm::length(p - mesh.positions[0])));
+  for (const DVec3 p : mesh.positions) size = std::max(size, glm::length(p - mesh.positions[0]));
   const double tolerance = 1e-5 * size;
   std::vector<Triangle> triangles;
   std::vector<DVec3> outward;
@@ -63,8 +63,8 @@ bool is_part_of_a_hull(const Mesh& mesh) {
     const Triangle& c = triangles.back();
     const DVec3 n = glm::normalize(glm::cross(c[1] - c[0], c[2] - c[0]));
     double below = 0, above = 0;
-    for (const Vec3 p : mesh.positions) {
-      const double distance = glm::dot(DVec3(p) - c[0], n);
+    for (const DVec3 p : mesh.positions) {
+      const double distance = glm::dot(p - c[0], n);
       below = std::min(below, distance);
       above = std::max(above, distance);
     }

@@ -15,7 +15,7 @@ constexpr int kSteps = 8;  // of the way out of the glow
 
 /// A place that light may arrive at; all directions count alike where there is no normal.
 struct Place {
-  Vec3 p;
+  DVec3 p;
   std::optional<Vec3> normal;
 
   double cosine(Vec3 wi) const { return normal ? std::max(0.0, static_cast<double>(glm::dot(*normal, wi))) : 1; }
@@ -27,10 +27,10 @@ void for_each_place(const World& world, Ray ray, Use&& use) {
   for (int crossing = 0; crossing < kMostCrossings; ++crossing) {
     const auto hit = world.geometry.intersect(ray, kInf);
     if (!hit) return;
-    if (medium != kNone && world.media[medium].scatters()) use(Place{ray.at(static_cast<float>(hit->t / 2)), std::nullopt});
+    if (medium != kNone && world.media[medium].scatters()) use(Place{ray.at(hit->t / 2), std::nullopt});
     const SurfacePoint s = world.geometry.surface(*hit, ray, Geometry::Tangents::kNotWanted);
     const SurfaceInfo& info = world.surfaces[static_cast<size_t>(hit->shape)];
-    if (!info.is_interface) return use(Place{s.p, glm::dot(s.ng, ray.d) < 0 ? s.ng : -s.ng});
+    if (!info.is_interface) return use(Place{s.p, glm::dot(s.ng, Vec3(ray.d)) < 0 ? s.ng : -s.ng});
     medium = world.medium_after(info, s.ng, ray.d, medium);
     ray.o = offset_origin(s, ray.d);
   }
@@ -53,17 +53,16 @@ double sample_glow(const World& world, const Place& place, Stream& random) {
   const Vec2 u = random.uniform2();
   const float u_z = random.uniform();
   const auto brick = medium.emission_bricks()->sample({u.x, u.y, u_z}, random.uniform_double());
-  const Vec3 to = brick.p - place.p;
-  const double distance = static_cast<double>(glm::length(to));
+  const DVec3 to = brick.p - place.p;
+  const double distance = glm::length(to);
   if (!(distance > 0)) return 0;
   double depth = 0;
   for (int i = 0; i < kSteps; ++i) {
-    const float part = (static_cast<float>(i) + 0.5f) / kSteps;
+    const double part = (i + 0.5) / kSteps;
     depth += static_cast<double>(average(medium.sigma_t(place.p + part * to))) * distance / kSteps;
   }
   const double density = static_cast<double>(world.emissive_pmf(chosen)) * static_cast<double>(brick.pdf) * distance * distance;
-  return static_cast<double>(average(medium.at(brick.p).emission)) * std::exp(-depth) * place.cosine(to / static_cast<float>(distance)) /
-         density;
+  return static_cast<double>(average(medium.at(brick.p).emission)) * std::exp(-depth) * place.cosine(Vec3(to / distance)) / density;
 }
 
 }  // namespace

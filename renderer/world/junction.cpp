@@ -15,7 +15,7 @@ Junction::Junction(const Geometry& geometry, const std::vector<SurfaceInfo>& sur
     m.hit = found[i].hit;
     m.error = found[i].error;
     m.s = geometry.surface(m.hit, ray);
-    m.outside = glm::dot(d_, m.s.ng) < 0;
+    m.outside = glm::dot(d_, DVec3(m.s.ng)) < 0;
     m.repeats = std::any_of(members_.begin(), members_.begin() + static_cast<ptrdiff_t>(i), [&](const Member& other) {
       return other.hit.shape == m.hit.shape && other.hit.instance == m.hit.instance && other.outside == m.outside;
     });
@@ -34,9 +34,10 @@ Junction& Junction::operator=(const Junction& other) {
 
 /// Whether a is met before b beyond their errors. Surfaces that are told apart by t on the way in have the same order on
 /// the way to w, or the opposite one when w turns back through both. Of boundaries of media the media know better.
-bool Junction::is_surely_before(const Member& a, const Member& b, Vec3 w) const {
+bool Junction::is_surely_before(const Member& a, const Member& b, DVec3 w) const {
   if (info(a).is_boundary && info(b).is_boundary) return false;
-  const bool back_a = glm::dot(w, a.s.ng) * glm::dot(d_, a.s.ng) < 0, back_b = glm::dot(w, b.s.ng) * glm::dot(d_, b.s.ng) < 0;
+  const auto turns_back = [&](const Member& m) { return glm::dot(w, DVec3(m.s.ng)) * glm::dot(d_, DVec3(m.s.ng)) < 0; };
+  const bool back_a = turns_back(a), back_b = turns_back(b);
   if (back_a != back_b) return false;
   const double ahead = back_a ? a.hit.t - b.hit.t : b.hit.t - a.hit.t;
   return ahead * std::max(a.error.cosine, b.error.cosine) > a.error.distance + b.error.distance;
@@ -53,7 +54,7 @@ bool Junction::is_preferred(const Member& a, const Member& b, int medium) const 
   return key(a) < key(b);
 }
 
-int Junction::next(Vec3 w, int medium) const {
+int Junction::next(DVec3 w, int medium) const {
   const Member* best = nullptr;
   for (const Member& m : members()) {
     if (!is_crossed_by(m, w)) continue;
@@ -102,13 +103,13 @@ std::optional<int> first_near_side(const Geometry& geometry, const std::vector<S
       continue;
     }
     // What is never there bounds nothing.
-    if (info.is_boundary && !info.is_absent()) return glm::dot(ray.d, s.ng) < 0 ? info.outside : info.inside;
+    if (info.is_boundary && !info.is_absent()) return glm::dot(ray.d, DVec3(s.ng)) < 0 ? info.outside : info.inside;
     ray.o = offset_origin(s, ray.d);
   }
   return std::nullopt;
 }
 
-int join_dielectrics(const World& world, const Junction& here, int exit, Vec3 d, int medium, Stream& choice, Bsdf& bsdf) {
+int join_dielectrics(const World& world, const Junction& here, int exit, DVec3 d, int medium, Stream& choice, Bsdf& bsdf) {
   auto* const left = std::get_if<DielectricBsdf>(&bsdf);
   if (left == nullptr || here[exit].outside) return kNone;
   const auto info = [&](const Junction::Member& m) -> const SurfaceInfo& { return world.surfaces[static_cast<size_t>(m.hit.shape)]; };
@@ -124,24 +125,28 @@ int join_dielectrics(const World& world, const Junction& here, int exit, Vec3 d,
   return entry;
 }
 
-Vec3 Junction::origin(Vec3 from, Vec3 w) const {
-  // Moved along each normal in turn as far as the rounding of the surface and of the origin itself asks for. In a corner
-  // one move may undo another; w leads out of it, so that a few turns suffice.
+DVec3 Junction::origin(DVec3 from, DVec3 w) const {
+  // Moved along each normal in turn as far as the error of the surface asks for. In a corner one move may undo another; w leads out of
+  // it, so that the turns end. At an edge Embree's own rounding decides which primitives a ray meets, and what it left out here it may
+  // meet from the new origin: there the ray starts as far off as float coordinates tell places apart.
+  const bool at_edge = std::any_of(members().begin(), members().end(), [](const Member& m) { return m.error.at_edge; });
+  const DVec3 in_float = 0x1.1p-24 * glm::abs(from);
   DVec3 o = from;
-  const Vec3 rounding = glm::abs(from) * 0x1.1p-24f;
-  for (int turn = 0; turn < 16; ++turn) {
+  for (int turn = 0; turn < 64; ++turn) {
     bool moved = false;
     for (const Member& m : members()) {
-      const DVec3 n = glm::dot(w, m.s.ng) > 0 ? m.s.ng : -m.s.ng;
-      const double wanted = 1.25 * static_cast<double>(glm::dot(glm::abs(m.s.ng), m.s.p_error + rounding));
-      const double distance = glm::dot(o - DVec3(m.s.p), n);
+      const DVec3 n = glm::dot(w, DVec3(m.s.ng)) > 0 ? DVec3(m.s.ng) : -DVec3(m.s.ng);
+      double wanted = 2 * m.s.error;
+      if (at_edge)
+        wanted = std::max({wanted, 2 * m.error.distance, 1.25 * glm::dot(glm::abs(n), (m.hit.instance < 0 ? 2.0 : 4.0) * in_float)});
+      const double distance = glm::dot(o - m.s.p, n);
       if (distance >= wanted) continue;
       o += (wanted - distance) * n;
       moved = true;
     }
     if (!moved) break;
   }
-  return Vec3(o);
+  return o;
 }
 
 }  // namespace woodcock

@@ -32,7 +32,7 @@ class Junction {
     bool repeats;  ///< another triangle of a shape at an edge: bounds where rays may start, and is not crossed
   };
   /// More surfaces than this at one place mean a defect of the scene.
-  static constexpr size_t kCapacity = 32;
+  static constexpr size_t kCapacity = 64;
 
   /// The place where `ray` met `hit`, before any of it is crossed.
   Junction(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, const Ray& ray, const Hit& hit);
@@ -42,17 +42,17 @@ class Junction {
   Junction& operator=(const Junction& other);
 
   /// The index of the next member to cross on the way to w in `medium`; kNone when nothing is in the way any more.
-  int next(Vec3 w, int medium) const;
+  int next(DVec3 w, int medium) const;
   const Member& operator[](int member) const { return members_[static_cast<size_t>(member)]; }
 
   /// After passing or scattering at a member the path heads for w.
-  void leave(int member, Vec3 w) {
+  void leave(int member, DVec3 w) {
     Member& m = members_[static_cast<size_t>(member)];
-    m.outside = glm::dot(w, m.s.ng) > 0;
+    m.outside = glm::dot(w, DVec3(m.s.ng)) > 0;
   }
 
   /// `from`, a point at this place, moved to where a ray to w starts on the right side of all members.
-  Vec3 origin(Vec3 from, Vec3 w) const;
+  DVec3 origin(DVec3 from, DVec3 w) const;
 
   /// The medium of a ray that has left this place with nothing left to cross, `crossed` as its crossings tell. At an edge it
   /// is the near side of the first boundary ahead; where none is, the medium around the scene if that is the same everywhere.
@@ -69,12 +69,12 @@ class Junction {
  private:
   std::span<const Member> members() const { return {members_.data(), count_}; }
   const SurfaceInfo& info(const Member& m) const { return (*surfaces_)[static_cast<size_t>(m.hit.shape)]; }
-  static bool is_crossed_by(const Member& m, Vec3 w) { return !m.repeats && (glm::dot(w, m.s.ng) > 0) != m.outside; }
-  bool is_surely_before(const Member& a, const Member& b, Vec3 w) const;
+  static bool is_crossed_by(const Member& m, DVec3 w) { return !m.repeats && (glm::dot(w, DVec3(m.s.ng)) > 0) != m.outside; }
+  bool is_surely_before(const Member& a, const Member& b, DVec3 w) const;
   bool is_preferred(const Member& a, const Member& b, int medium) const;
 
   const std::vector<SurfaceInfo>* surfaces_;
-  Vec3 d_;
+  DVec3 d_;
   std::array<Member, kCapacity> members_;
   size_t count_ = 0;
   bool overflowed_ = false;
@@ -87,10 +87,11 @@ std::optional<int> first_near_side(const Geometry& geometry, const std::vector<S
 /// Where one dielectric body ends and the next begins there is one boundary, whose index is relative: none at all between
 /// equal bodies. If the member `exit` of the path's place is such an end, on the way along d in `medium`, turns `bsdf`, its
 /// model, into that boundary and returns the entry that belongs to it; else kNone. `choice` decides mixes.
-int join_dielectrics(const World& world, const Junction& here, int exit, Vec3 d, int medium, Stream& choice, Bsdf& bsdf);
+int join_dielectrics(const World& world, const Junction& here, int exit, DVec3 d, int medium, Stream& choice, Bsdf& bsdf);
 
 /// Whether what `ray` meets at p may have company: from boxes, and at the edges of a mesh that is convex.
-inline bool may_coincide(const Geometry& geometry, const SurfaceInfo& surface, const Ray& ray, const Hit& hit, Vec3 p) {
+inline bool may_coincide(const Geometry& geometry, const SurfaceInfo& surface, const Ray& ray, const Hit& hit, DVec3 exact) {
+  const Vec3 p(exact);
   if (surface.edges_touch && geometry.is_at_edge(ray, hit)) return true;
   for (const Box3& box : surface.contacts) {
     if (glm::all(glm::lessThanEqual(box.lower, p)) && glm::all(glm::lessThanEqual(p, box.upper))) return true;
@@ -98,7 +99,7 @@ inline bool may_coincide(const Geometry& geometry, const SurfaceInfo& surface, c
   return false;
 }
 
-inline bool may_coincide(const World& world, const Ray& ray, const Hit& hit, Vec3 p) {
+inline bool may_coincide(const World& world, const Ray& ray, const Hit& hit, DVec3 p) {
   return may_coincide(world.geometry, world.surfaces[static_cast<size_t>(hit.shape)], ray, hit, p);
 }
 

@@ -75,10 +75,14 @@ void describe_surface(const SceneDescription& scene, const ShapeDescription& sha
   info.passes_shadows = info.is_interface || info.has_alpha || mix;
 }
 
-/// Whether paths may start in media with an end.
-bool has_boundaries(const SceneDescription& scene) {
-  const auto bounds_medium = [](const ShapeDescription& s) { return s.media.given && s.media.inside != s.media.outside; };
-  return std::any_of(scene.shapes.begin(), scene.shapes.end(), bounds_medium) ||
+/// Whether a path may pass through a medium that is not empty, so that lengths count.
+bool has_media(const SceneDescription& scene, const Media& media) {
+  const auto counts = [&](int medium) { return medium != kNone && !media[medium].is_vacuum(); };
+  const auto bounds_medium = [&](const ShapeDescription& s) {
+    return s.media.given && (counts(s.media.inside) || counts(s.media.outside));
+  };
+  return (scene.camera.media.given && counts(scene.camera.media.outside)) ||
+         std::any_of(scene.shapes.begin(), scene.shapes.end(), bounds_medium) ||
          std::any_of(scene.objects.begin(), scene.objects.end(),
                      [&](const ObjectDescription& o) { return std::any_of(o.shapes.begin(), o.shapes.end(), bounds_medium); });
 }
@@ -112,8 +116,9 @@ std::optional<int> find_medium_around(const Geometry& geometry, const std::vecto
   std::optional<int> around;
   for (const float sign : {1.0f, -1.0f})
     for (const Vec3 direction : kDirections) {
-      const Vec3 d = sign * glm::normalize(direction);
-      const auto seen = first_near_side(geometry, surfaces, {box.center() - d * glm::length(box.extent()), d}, true);
+      const DVec3 d(sign * glm::normalize(direction));
+      const auto seen =
+          first_near_side(geometry, surfaces, {DVec3(box.center()) - d * static_cast<double>(glm::length(box.extent())), d}, true);
       if (around && seen && *around != *seen) return std::nullopt;
       if (seen) around = seen;
     }
@@ -190,7 +195,8 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
   }
   if (dropped > 0) notes.push_back(std::to_string(dropped) + " triangles or patches without area were left out");
 
-  const auto starts = has_boundaries(scene) ? Geometry::Starts::kAnywhere : Geometry::Starts::kOnSurfaces;
+  Media media(scene, space.render_from_world, space.scale);
+  const auto starts = has_media(scene, media) ? Geometry::Starts::kAnywhere : Geometry::Starts::kOnSurfaces;
   Geometry geometry(std::move(shapes), top_level, std::move(objects), std::move(instances), starts);
   const Box3 bounds = geometry.bounds();
   Lights lights(scene, geometry.shapes(), space.render_from_world, space.scale, bounds);
@@ -209,7 +215,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
                                                 0,
                                                 std::move(notes)});
   world->materials = Materials(scene, world->textures, space.scale);
-  world->media = Media(scene, space.render_from_world, space.scale);
+  world->media = std::move(media);
   for (const auto& note : world->media.notes()) world->notes.push_back(note);
 
   const auto add_surface = [&](const ShapeDescription& s, int shape) {
@@ -263,9 +269,10 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
   return world;
 }
 
-std::optional<int> find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Vec3 point) {
+std::optional<int> find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, DVec3 point) {
   std::array<std::optional<int>, kDirections.size()> votes;
-  for (size_t i = 0; i < kDirections.size(); ++i) votes[i] = first_near_side(geometry, surfaces, {point, glm::normalize(kDirections[i])});
+  for (size_t i = 0; i < kDirections.size(); ++i)
+    votes[i] = first_near_side(geometry, surfaces, {point, glm::normalize(DVec3(kDirections[i]))});
   return majority(votes);
 }
 

@@ -85,9 +85,9 @@ struct World {
   }
 
   /// The medium behind a surface for a ray that leaves it in direction `w`.
-  int medium_after(const SurfaceInfo& s, Vec3 ng, Vec3 w, int current) const {
+  int medium_after(const SurfaceInfo& s, Vec3 ng, DVec3 w, int current) const {
     if (!s.is_boundary) return current;
-    return glm::dot(w, ng) > 0 ? s.outside : s.inside;
+    return glm::dot(w, DVec3(ng)) > 0 ? s.outside : s.inside;
   }
 };
 
@@ -96,6 +96,6 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene);
 
 /// The medium at a point (kNone is vacuum): that of the near side of the first boundary met, by the majority of
 /// those of several directions that meet one; nothing where none does.
-std::optional<int> find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Vec3 point);
+std::optional<int> find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, DVec3 point);
 
 }  // namespace woodcock

@@ -71,7 +71,8 @@ TEST(Geometry, AShadowRaySeesItsTargetButNotWhatIsInFrontOfIt) {
   ASSERT_TRUE(hit);
   EXPECT_TRUE(g.occluded(up, 1.0005, {}));
   EXPECT_FALSE(g.occluded(up, 1.0005, {0, hit->primitive}));
-  EXPECT_TRUE(g.occluded(up, 2.0, {0, hit->primitive})) << "far before the end of the way the target is an obstacle";
+  EXPECT_FALSE(g.occluded(up, 2.0, {0, hit->primitive})) << "a ray meets a triangle once: what it meets is the target";
+  EXPECT_TRUE(g.occluded(up, 2.0, {0, hit->primitive + 1}));
 }
 
 TEST(Geometry, InstancesAreWhereTheirTransformPutsThem) {
@@ -145,9 +146,10 @@ TEST(Geometry, RaysThatMayStartAnywhereMeetWhatIsAUnitInTheLastPlaceAhead) {
     };
     const Geometry careful = build(Geometry::Starts::kAnywhere), plain = build(Geometry::Starts::kOnSurfaces);
     for (int i = 0; i < 5000; ++i) {
-      const Vec3 corner0 = mesh.positions[0], edge1 = mesh.positions[1] - corner0, edge2 = mesh.positions[3] - corner0;
-      const Vec3 p = corner0 + random.uniform() * edge1 + random.uniform() * edge2;
-      const Ray ray{p - 3e-7f * random.uniform() * n, square_to_sphere(random.uniform2())};
+      const DVec3 corner0 = mesh.positions[0], edge1 = mesh.positions[1] - corner0, edge2 = mesh.positions[3] - corner0;
+      const double u = static_cast<double>(random.uniform()), v = static_cast<double>(random.uniform());
+      const DVec3 p = corner0 + u * edge1 + v * edge2;
+      const Ray ray{p - DVec3(3e-7f * random.uniform() * n), square_to_sphere(random.uniform2())};
       double t = std::numeric_limits<double>::quiet_NaN();  // near an edge
       for (const auto& triangle : mesh.triangles) {
         const auto hit = intersect_triangle_plane(mesh.positions[triangle[0]], mesh.positions[triangle[1]], mesh.positions[triangle[2]],
@@ -179,7 +181,7 @@ TEST(Geometry, CoincidentHitsAreAllGivenAndOthersAreNot) {
     auto [mesh, n] = tilted_square(random, c, 0.3f);
     const auto moved = [&](float by) {
       Mesh copy = mesh;
-      for (Vec3& p : copy.positions) p += by * n;
+      for (DVec3& p : copy.positions) p += DVec3(by * n);
       copy.triangles = {{1, 2, 3}, {1, 3, 0}};
       return copy;
     };
@@ -234,16 +236,16 @@ TEST(Geometry, AnEmptySceneIsMissed) {
 std::vector<std::pair<uint32_t, double>> tie_hits(int threads) {
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
   Mesh mesh = plane(1, 720);
-  for (Vec3& p : mesh.positions) p.z = 0.05f * std::sin(9 * p.x) * std::cos(7 * p.y);
+  for (DVec3& p : mesh.positions) p.z = 0.05 * std::sin(9 * p.x) * std::cos(7 * p.y);
   EXPECT_GE(mesh.triangles.size(), 1000000u);
-  const std::vector<Vec3> vertices = mesh.positions;
+  const std::vector<DVec3> vertices = mesh.positions;
   const Geometry g = only({std::move(mesh), false});
   std::vector<std::pair<uint32_t, double>> hits;
   Stream random(6);
   for (int i = 0; i < 200000; ++i) {
-    const Vec3 a = vertices[random.next_u32() % vertices.size()], b = vertices[random.next_u32() % vertices.size()];
-    const Vec3 target = (i & 1) != 0 ? a : (i & 2) != 0 ? a + Vec3(1.0f / 720, 0, 0) : 0.5f * (a + b);
-    const Vec3 origin(random.uniform2() * 4.0f - 2.0f, 1 + random.uniform());
+    const DVec3 a = vertices[random.next_u32() % vertices.size()], b = vertices[random.next_u32() % vertices.size()];
+    const DVec3 target = (i & 1) != 0 ? a : (i & 2) != 0 ? a + DVec3(1.0 / 720, 0, 0) : 0.5 * (a + b);
+    const DVec3 origin(Vec3(random.uniform2() * 4.0f - 2.0f, 1 + random.uniform()));
     const auto hit = g.intersect({origin, glm::normalize(target - origin)}, kInf);
     hits.emplace_back(hit ? hit->primitive : 0xffffffffu, hit ? hit->t : -1.0);
   }

@@ -59,7 +59,7 @@ TEST(Patch, TangentsFollowTheTextureCoordinates) {
     for (const Vec2 step : {Vec2(kStep, 0), Vec2(0, kStep)}) {
       const SurfacePoint a = meet(Vec2(0.2f, 0.1f) - step), b = meet(Vec2(0.2f, 0.1f) + step);
       const Vec2 duv = b.uv - a.uv;
-      EXPECT_NEAR(glm::length((b.p - a.p) - (duv.x * s.dpdu + duv.y * s.dpdv)), 0, 1e-3 * kStep);
+      EXPECT_NEAR(glm::length((b.p - a.p) - DVec3(duv.x * s.dpdu + duv.y * s.dpdv)), 0, 1e-3 * kStep);
     }
   }
 }

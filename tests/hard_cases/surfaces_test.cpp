@@ -150,27 +150,27 @@ TEST(HardCases, N28_rays_through_vertices_and_edges_end_outside) {
           ball.triangles.push_back(t);
         }
       }
-    const std::vector<Vec3> positions = ball.positions;
+    const std::vector<DVec3> positions = ball.positions;
     const auto triangles = ball.triangles;
     const Geometry g = only({ball, false});
     Stream random(7);
-    std::vector<Vec3> on_edges;
+    std::vector<DVec3> on_edges;
     for (const auto& t : triangles)
-      for (const float share : {0.5f, 0.25f}) on_edges.push_back(share * positions[t[0]] + (1 - share) * positions[t[1]]);
+      for (const double share : {0.5, 0.25}) on_edges.push_back(share * positions[t[0]] + (1 - share) * positions[t[1]]);
     for (const bool vertices : {true, false}) {
       int rays = 0, fell_through = 0;
-      for (const Vec3 target : vertices ? positions : on_edges)
+      for (const DVec3 target : vertices ? positions : on_edges)
         for (int k = 0; k < 20; ++k) {
           // From far outside through the point; rays that nearly touch the ball may rightly miss it.
-          const Vec3 origin = 5.0f * square_to_sphere(random.uniform2());
+          const DVec3 origin(5.0f * square_to_sphere(random.uniform2()));
           Ray ray{origin, glm::normalize(target - origin)};
-          if (std::abs(glm::dot(ray.d, glm::normalize(target))) < 0.3f) continue;
+          if (std::abs(glm::dot(ray.d, glm::normalize(target))) < 0.3) continue;
           ++rays;
           bool inside = false;
           int hits = 0;
           while (const auto hit = g.intersect(ray, kInf)) {
             const SurfacePoint s = g.surface(*hit, ray);
-            inside = glm::dot(ray.d, s.ng) < 0;
+            inside = glm::dot(ray.d, DVec3(s.ng)) < 0;
             ASSERT_LE(++hits, 4);
             ray.o = offset_origin(s, ray.d);
           }

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "renderer/core/warp.h"
+#include "renderer/lights/patch_geometry.h"
 #include "tests/lights/light_fixtures.h"
 #include "tests/support/chi_square.h"
 
@@ -28,6 +29,13 @@ struct Case {
     double total = 0;
     for (const auto& t : mesh->triangles) total += area(t);
     return area(mesh->triangles[primitive]) / total;
+  }
+  /// The parameters of a point of a patch; 0 on other shapes.
+  DVec2 parameters(uint32_t primitive, DVec3 p) const {
+    const auto* mesh = std::get_if<PatchMesh>(&shape.geometry);
+    if (mesh == nullptr) return DVec2(0);
+    const auto& v = mesh->patches[primitive];
+    return invert_patch({mesh->positions[v[0]], mesh->positions[v[1]], mesh->positions[v[2]], mesh->positions[v[3]]}, p);
   }
 };
 
@@ -134,12 +142,12 @@ class Cone {
 };
 
 /// Every point of the light along a ray, nearest first.
-std::vector<EmitterHit> all_hits(const Geometry& geometry, Vec3 ref, Vec3 direction) {
+std::vector<EmitterHit> all_hits(const Geometry& geometry, DVec3 ref, DVec3 direction) {
   std::vector<EmitterHit> hits;
   Ray ray{ref, direction};
   while (const auto hit = geometry.intersect(ray, static_cast<double>(kInf))) {
     const SurfacePoint at = geometry.surface(*hit, ray);
-    hits.push_back({at.p, at.ng, at.uv, hit->primitive});
+    hits.push_back({at.p, at.ng, at.uv, hit->primitive, hit->uv});
     ray.o = offset_origin(at, direction);
   }
   return hits;
@@ -171,9 +179,9 @@ TEST(AreaLight, SamplesAndRaysFindTheSameLight) {
           const auto s = lights.sample(0, ref, random.uniform2(), random.uniform());
           bool visible = false;
           if (s) {
-            const auto hits = all_hits(geometry, ref, s->wi);
             // What lies behind the nearest point of the light is in its own shadow.
-            visible = hits.empty() || glm::distance(ref, hits[0].p) >= s->distance * 0.999f;
+            const DVec3 to = s->p - DVec3(ref);
+            visible = !geometry.occluded({ref, glm::normalize(to)}, glm::length(to), s->target);
           }
           for (int k = 0; k < kFunctions; ++k)
             by_light[k].add(s && visible ? static_cast<double>(s->radiance.g / s->pdf) * test_function(k, s->wi) : 0.0);
@@ -263,7 +271,7 @@ TEST(AreaLight, DensityIsTheReciprocalOfTheJacobian) {
         // Where directions hardly move their rounding counts; grazing views of curved shapes bend the map within a step.
         if (area < 1e-8 || std::abs(glm::dot(s->wi, s->n)) < 0.15f) continue;
         ++compared;
-        EXPECT_NEAR(jacobian * static_cast<double>(s->pdf) / c.share(s->primitive), 1, 0.03) << c.name << " u " << u.x << ' ' << u.y;
+        EXPECT_NEAR(jacobian * static_cast<double>(s->pdf) / c.share(s->target.primitive), 1, 0.03) << c.name << " u " << u.x << ' ' << u.y;
       }
     }
   }
@@ -282,9 +290,11 @@ TEST(AreaLight, PdfOfASampledPointIsThePdfOfTheSample) {
         if (!s) continue;
         // Grazing views of curved shapes turn float rounding of the point into changes of its cosine.
         const double cosine = std::abs(static_cast<double>(glm::dot(s->wi, s->n)));
-        const float pdf = lights.pdf(0, ref, {s->p, s->n, Vec2(0), s->primitive}, s->wi);
+        const DVec2 parameters = c.parameters(s->target.primitive, s->p);
+        const float pdf = lights.pdf(0, ref, {s->p, s->n, Vec2(0), s->target.primitive, parameters}, s->wi);
         EXPECT_NEAR(pdf / s->pdf, 1, 1e-4 + 1e-5 / cosine) << c.name;
-        EXPECT_NEAR(glm::distance(ref + s->distance * s->wi, s->p), 0, 1e-6f * (glm::length(s->p) + glm::length(ref))) << c.name;
+        EXPECT_NEAR(glm::length(glm::cross(s->p - DVec3(ref), DVec3(s->wi))), 0, 1e-6 * (glm::length(s->p) + glm::length(DVec3(ref))))
+            << c.name;
       }
     }
   }
@@ -349,7 +359,7 @@ TEST(AreaLight, ImageIsSampledAsRaysSeeIt) {
       if (!s) continue;
       const auto hits = all_hits(geometry, c.refs[0], s->wi);
       for (const EmitterHit& hit : hits) {
-        if (hit.primitive != s->primitive || glm::distance(hit.p, s->p) > 1e-4f) continue;
+        if (hit.primitive != s->target.primitive || glm::distance(hit.p, s->p) > 1e-4) continue;
         ++compared;
         EXPECT_NEAR(lights.emitted(0, hit, -s->wi).g, s->radiance.g, 1e-3f);
       }

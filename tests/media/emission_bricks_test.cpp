@@ -106,7 +106,7 @@ TEST(EmissionBricks, points_follow_the_density) {
   for (const Medium& m : emitters()) {
     const EmissionBricks& bricks = *m.emission_bricks();
     constexpr int kSide = 10, kSamples = 200000, kPoints = 4000000;
-    Vec3 low(kInf), high(-kInf);
+    DVec3 low(kInf), high(-kInf);
     std::vector<EmissionBricks::Sample> samples;
     Stream random(21);
     for (int i = 0; i < kSamples; ++i) {
@@ -115,8 +115,8 @@ TEST(EmissionBricks, points_follow_the_density) {
       low = glm::min(low, samples.back().p);
       high = glm::max(high, samples.back().p);
     }
-    const auto cell_of = [&](Vec3 p) {
-      const IVec3 c = glm::clamp(IVec3((p - low) / (high - low) * static_cast<float>(kSide)), IVec3(0), IVec3(kSide - 1));
+    const auto cell_of = [&](DVec3 p) {
+      const IVec3 c = glm::clamp(IVec3((p - low) / (high - low) * static_cast<double>(kSide)), IVec3(0), IVec3(kSide - 1));
       return static_cast<size_t>((c.z * kSide + c.y) * kSide + c.x);
     };
     std::vector<double> observed(kSide * kSide * kSide, 0), expected(observed), squares(observed);
@@ -126,11 +126,11 @@ TEST(EmissionBricks, points_follow_the_density) {
       other_brick += std::abs(bricks.pdf(s.p) - s.pdf) > 1e-6f * s.pdf;
     }
     EXPECT_LT(other_brick, 20);  // rounding to the neighbour
-    const Vec3 extent = high - low;
-    const double volume = static_cast<double>(extent.x) * static_cast<double>(extent.y) * static_cast<double>(extent.z);
+    const DVec3 extent = high - low;
+    const double volume = extent.x * extent.y * extent.z;
     double total = 0;
     for (int i = 0; i < kPoints; ++i) {
-      const Vec3 p = low + extent * random_in(random);
+      const DVec3 p = low + extent * DVec3(random_in(random));
       const double mass = static_cast<double>(bricks.pdf(p)) * volume / kPoints;
       expected[cell_of(p)] += mass * kSamples;
       squares[cell_of(p)] += mass * mass * kSamples * kSamples;
@@ -163,7 +163,7 @@ TEST(EmissionBricks, sampled_points_estimate_the_emission_of_the_volume_better_t
     };
     double sum = 0, squares = 0, volume_sum = 0, volume_squares = 0;
     const int n = 200000;
-    Vec3 low(kInf), high(-kInf);
+    DVec3 low(kInf), high(-kInf);
     for (int i = 0; i < n; ++i) {
       const Vec3 u = random_in(random);
       const auto s = bricks.sample(u, random.uniform_double());
@@ -173,10 +173,10 @@ TEST(EmissionBricks, sampled_points_estimate_the_emission_of_the_volume_better_t
       sum += value / n;
       squares += value * value / n;
     }
-    const Vec3 extent = high - low;
-    const double volume = static_cast<double>(extent.x) * static_cast<double>(extent.y) * static_cast<double>(extent.z);
+    const DVec3 extent = high - low;
+    const double volume = extent.x * extent.y * extent.z;
     for (int i = 0; i < n; ++i) {
-      const double value = emission(low + extent * random_in(random)) * volume;
+      const double value = emission(low + extent * DVec3(random_in(random))) * volume;
       volume_sum += value / n;
       volume_squares += value * value / n;
     }

@@ -57,7 +57,7 @@ TEST(RgbGridMedium, bounds_hold_in_all_channels) {
       MajorantWalk walk(m, {o, d_unit}, kInf);
       while (const auto s = walk.next())
         for (int k = 0; k < 4; ++k)
-          ASSERT_LE(max_component(m.sigma_t(o + (s->t0 + (s->t1 - s->t0) * random.uniform()) * d_unit)), s->sigma);
+          ASSERT_LE(max_component(m.sigma_t(Ray{o, d_unit}.at(s->t0 + (s->t1 - s->t0) * static_cast<double>(random.uniform())))), s->sigma);
     }
   }
 }

@@ -92,16 +92,16 @@ void expect_equal_to_nanovdb(const SparseGrid& grid, const DMat4& world_from_med
     const Vec3 target{DVec3(render_from_index * glm::dvec4(filled_point(), 1))};
     const Vec3 d = glm::normalize(target - o);
     MajorantWalk walk(m, {o, d}, kInf);
-    float end = 0;
+    double end = 0;
     while (const auto s = walk.next()) {
       ASSERT_GE(s->t0, end);
       for (int k = 0; k < 8; ++k) {
-        const float sigma_t = m.grey_sigma_t(o + (s->t0 + (s->t1 - s->t0) * random.uniform()) * d);
+        const float sigma_t = m.grey_sigma_t(Ray{o, d}.at(s->t0 + (s->t1 - s->t0) * static_cast<double>(random.uniform())));
         ASSERT_LE(sigma_t, s->sigma);
         ASSERT_GE(sigma_t, s->lower);
       }
       // A gap is empty, up to the rounding of positions next to its ends.
-      for (int k = 1; k < 8 && end < s->t0; ++k) ASSERT_LE(m.density(o + (end + (s->t0 - end) * static_cast<float>(k) / 8) * d), 1e-5);
+      for (int k = 1; k < 8 && end < s->t0; ++k) ASSERT_LE(m.density(Ray{o, d}.at(end + (s->t0 - end) * k / 8)), 1e-5);
       end = s->t1;
     }
   }

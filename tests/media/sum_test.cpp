@@ -88,7 +88,7 @@ TEST(SumMedium, segments_follow_each_other_without_overlap_and_bound_the_sum_fro
       const Ray ray{point_around(random), awkward_direction(random)};
       const float t_max = i % 3 ? kInf : 20 * random.uniform();
       MajorantWalk walk(sum, ray, t_max);
-      float end = 0;
+      double end = 0;
       while (const auto s = walk.next()) {
         ASSERT_LT(s->t0, s->t1);
         ASSERT_GE(s->t0, end);
@@ -97,9 +97,9 @@ TEST(SumMedium, segments_follow_each_other_without_overlap_and_bound_the_sum_fro
         if (with_fog) {
           ASSERT_EQ(s->t0, end);
         }
-        const float length = std::min(s->t1, 100.0f) - s->t0;
+        const double length = std::min(s->t1, 100.0) - s->t0;
         for (int k = 0; k < 6; ++k) {
-          const Rgb sigma_t = sum.sigma_t(ray.at(s->t0 + length * (k < 2 ? static_cast<float>(k) : random.uniform())));
+          const Rgb sigma_t = sum.sigma_t(ray.at(s->t0 + length * (k < 2 ? k : static_cast<double>(random.uniform()))));
           ASSERT_LE(max_component(sigma_t), s->sigma);
           ASSERT_GE(min_component(sigma_t), s->lower);
         }

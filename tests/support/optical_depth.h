@@ -19,7 +19,7 @@ inline DVec3 optical_depth_exact(const Medium& medium, const Ray& ray, double t0
     return sum;
   }
   const MajorantGrid& grid = medium.majorants();
-  const DVec3 o = grid.map().point_exact(DVec3(ray.o)), d = grid.map().vector_exact(DVec3(ray.d));
+  const DVec3 o = grid.map().point(DVec3(ray.o)), d = grid.map().vector(DVec3(ray.d));
   std::vector<double> cuts{t0, t1};
   const auto cut = [&](double t) {
     if (t > t0 && t < t1) cuts.push_back(t);

@@ -22,7 +22,7 @@ namespace {
 TEST(EquiangularDistances, ComeWithTheirDensity) {
   const Ray ray{{0.3f, -0.2f, 0.1f}, glm::normalize(Vec3(1, 2, -0.5f))};
   for (const float t_max : {0.7f, 5.0f, kInf}) {
-    for (const Vec3 light : {Vec3(0.5f, 0.5f, 0), Vec3(3, 5, -1), Vec3(-4, 0, 0), ray.at(0.5f)}) {
+    for (const DVec3 light : {DVec3(0.5, 0.5, 0), DVec3(3, 5, -1), DVec3(-4, 0, 0), ray.at(0.5)}) {
       const EquiangularDistances distances(ray, light, t_max);
       constexpr int kCells = 64, kSamples = 100000;
       // Cells of equal probability by the inversion itself would prove nothing: these are equal in t/(1 + t).
@@ -67,7 +67,7 @@ TEST(EquiangularDistances, ComeWithTheirDensity) {
         ++degrees;
       }
       // A light on the ray has a peak that the quadrature cannot see; its inversion is tested all the same.
-      if (glm::length(light - ray.at(0.5f)) > 1e-3f) {
+      if (glm::length(light - ray.at(0.5)) > 1e-3) {
         EXPECT_NEAR(total, 1, 2e-3);
         EXPECT_GT(chi_square_p_value(statistic, degrees), 1e-6) << "t_max " << t_max << ", light " << light.x;
       }

@@ -59,7 +59,7 @@ TEST(Camera, MirroringMatrixMirrorsThePicture) {
   // `Scale -1 1 1` before everything: the camera matrix is the inverse of what the file builds.
   c.world_from_camera = glm::inverse(glm::scale(DMat4(1), DVec3(-1, 1, 1)));
   const Ray mirrored = camera(c, film(20, 10)).ray({3, 2}, {0, 0}, 0);
-  EXPECT_EQ(mirrored.d, plain.d * Vec3(-1, 1, 1));
+  EXPECT_EQ(mirrored.d, plain.d * DVec3(-1, 1, 1));
   expect_near(mirrored.d, DVec3(camera({}, film(20, 10)).ray({17, 2}, {0, 0}, 0).d), 1e-7);
 }
 
