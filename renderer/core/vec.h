@@ -59,6 +59,7 @@ struct Ray {
   DVec3 o{0};
   DVec3 d{0};
   float time = 0;
+  double skip = 0;  ///< hits at or before this distance belong to the place that the ray leaves
 
   DVec3 at(double t) const { return o + t * d; }
 };

@@ -70,8 +70,8 @@ void Gathering::offer(const Query& query, int shape, uint32_t primitive, int ins
   }
   DVec3 o = query.o, d = query.d;
   impl.to_object(instance, o, d);
-  const auto exact = impl.intersect_primitive(shape, primitive, o, d, std::max(0.0, t0), t1);
-  if (!exact || !(exact->t > 0)) return;
+  const auto exact = impl.intersect_primitive(shape, primitive, o, d, std::max(query.skip, t0), t1);
+  if (!exact || !(exact->t > query.skip)) return;
   Hit hit{exact->t, exact->uv, shape, primitive, instance};
   impl.keep_inside(hit, o, d);
   const ErrorBound error = impl.error_bound(hit, query.o, query.d);

@@ -29,17 +29,17 @@ struct Candidate {
   std::optional<PrimitiveHit> exact() const {
     DVec3 o = query.o, d = query.d;
     query.impl->to_object(instance, o, d);
-    return query.impl->intersect_primitive(shape, primitive, o, d, 0, query.t_max);
+    return query.impl->intersect_primitive(shape, primitive, o, d, query.skip, query.t_max);
   }
 };
 
-/// Whether Embree's own distances of a triangle or parallelogram say that it is met at 0 < t < limit: their error along the normal is a
+/// Whether Embree's own distances of a triangle or parallelogram say that it is met at skip < t < limit: their error along the normal is a
 /// few units in the last place of the largest coordinate. Instances are another space, where that is not known.
 bool is_certain(const Query& query, const RTCFilterFunctionNArguments* args, double limit) {
   if (RTCHitN_instID(args->hit, 1, 0, 0) != RTC_INVALID_GEOMETRY_ID) return false;
   const Vec3 n(RTCHitN_Ng_x(args->hit, 1, 0), RTCHitN_Ng_y(args->hit, 1, 0), RTCHitN_Ng_z(args->hit, 1, 0));
   const float t = RTCRayN_tfar(args->ray, 1, 0) - static_cast<float>(query.lead), across = std::abs(glm::dot(n, Vec3(query.d)));
-  const float least = std::min(t, static_cast<float>(limit) - t) * across;
+  const float least = std::min(t - static_cast<float>(query.skip), static_cast<float>(limit) - t) * across;
   return least > 0 && least * least > query.near * query.near * length_squared(n);
 }
 
@@ -107,7 +107,7 @@ RTCGeometry Geometry::Impl::make_geometry(int shape) {
         const Query& query = Query::of(args->context);
         if (is_certain(query, args, std::numeric_limits<double>::infinity())) return;
         const auto hit = Candidate(query, args).exact();
-        if (hit && !(hit->t > 0)) args->valid[0] = 0;
+        if (hit && !(hit->t > query.skip)) args->valid[0] = 0;
       });
     }
     // Any-hit queries stop at the first candidate that this lets pass.
@@ -125,7 +125,7 @@ RTCGeometry Geometry::Impl::make_geometry(int shape) {
       }
       if (is_certain(query, args, query.t_max)) return;
       const auto hit = c.exact();
-      if (hit && !(hit->t > 0 && hit->t < query.t_max)) args->valid[0] = 0;
+      if (hit && !(hit->t > query.skip && hit->t < query.t_max)) args->valid[0] = 0;
     });
     rtcCommitGeometry(g);
     return g;
@@ -160,7 +160,7 @@ RTCGeometry Geometry::Impl::make_geometry(int shape) {
     auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
     DVec3 o = query.o, d = query.d;
     user->impl->to_object(user->impl->instance_of(args->context->instID[0]), o, d);
-    const auto hit = user->impl->intersect_primitive(user->shape, args->primID, o, d, 0, ray_hit->ray.tfar - query.lead);
+    const auto hit = user->impl->intersect_primitive(user->shape, args->primID, o, d, query.skip, ray_hit->ray.tfar - query.lead);
     if (!hit) return;
     ray_hit->ray.tfar = static_cast<float>(hit->t + query.lead);
     ray_hit->hit.geomID = args->geomID;
@@ -181,8 +181,8 @@ RTCGeometry Geometry::Impl::make_geometry(int shape) {
     DVec3 o = query.o, d = query.d;
     user->impl->to_object(instance, o, d);
     const bool hidden = query.is_target(user->shape, args->primID)
-                            ? user->impl->hides_itself(query.target, o, d)
-                            : user->impl->intersect_primitive(user->shape, args->primID, o, d, 0, query.t_max).has_value();
+                            ? user->impl->hides_itself(query.target, o, d, query.skip)
+                            : user->impl->intersect_primitive(user->shape, args->primID, o, d, query.skip, query.t_max).has_value();
     if (hidden) {
       reinterpret_cast<RTCRay*>(args->ray)->tfar = -std::numeric_limits<float>::infinity();
     }

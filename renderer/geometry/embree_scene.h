@@ -122,7 +122,7 @@ struct Geometry::Impl {
   /// Whether a ray along d, in the space of the shape, that meets the primitive at `t`, `uv` leaves towards the side of its own normal.
   bool passes_along_normal(int shape, uint32_t primitive, DVec3 o, DVec3 d, const PrimitiveHit& hit) const;
   /// Whether something of the target lies before the sampled point, o and d in the space of the shape.
-  bool hides_itself(TargetPrimitive target, DVec3 o, DVec3 d) const;
+  bool hides_itself(TargetPrimitive target, DVec3 o, DVec3 d, double skip) const;
 
   RTCGeometry make_geometry(int shape);
   RTCScene make_scene(int first, int count);
@@ -133,7 +133,7 @@ struct Query {
   RTCIntersectContext context;  ///< first, so that Embree's pointer to it is a pointer to the query
   const Geometry::Impl* impl;
   DVec3 o, d;
-  double t_max = 0;
+  double skip = 0, t_max = 0;
   double lead = 0;  ///< Embree's distances are larger than ours by this
   TargetPrimitive target;
   /// Embree's error of a distance along the normal of a triangle is below this: some units in the last place of the
@@ -143,7 +143,13 @@ struct Query {
   struct Gathering* gathering = nullptr;
 
   Query(const Geometry::Impl& geometry, const Ray& ray, double limit)
-      : impl(&geometry), o(ray.o), d(ray.d), t_max(limit), lead(geometry.lead), near(static_cast<float>(0x1p-19 * geometry.largest)) {
+      : impl(&geometry),
+        o(ray.o),
+        d(ray.d),
+        skip(ray.skip),
+        t_max(limit),
+        lead(geometry.lead),
+        near(static_cast<float>(0x1p-19 * geometry.largest)) {
     rtcInitIntersectContext(&context);
   }
   static Query& of(RTCIntersectContext* context) { return *reinterpret_cast<Query*>(context); }

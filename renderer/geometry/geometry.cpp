@@ -28,12 +28,12 @@ std::optional<Hit> Geometry::intersect(const Ray& ray, double t_max) const {
         static_cast<double>(r.ray.tfar) - query.lead, {r.hit.u, r.hit.v}, impl_->shape_of(r.hit.geomID, instance), r.hit.primID, instance};
     DVec3 o = query.o, d = query.d;
     impl_->to_object(instance, o, d);
-    if (const auto exact = impl_->intersect_primitive(hit.shape, hit.primitive, o, d, 0, kInf)) {
+    if (const auto exact = impl_->intersect_primitive(hit.shape, hit.primitive, o, d, ray.skip, kInf)) {
       hit.t = exact->t;
       hit.uv = exact->uv;
-      if (hit.t > 0) impl_->keep_inside(hit, o, d);
+      if (hit.t > ray.skip) impl_->keep_inside(hit, o, d);
     }
-    if (hit.t > 0) return hit.t < t_max ? std::optional(hit) : std::nullopt;
+    if (hit.t > ray.skip) return hit.t < t_max ? std::optional(hit) : std::nullopt;
     r.ray.tnear = std::nextafter(std::max(r.ray.tfar, 0.0f), kInf);
     r.ray.tfar = t_far;
   }
@@ -73,10 +73,10 @@ bool Geometry::Impl::passes_along_normal(int shape, uint32_t primitive, DVec3 o,
   return glm::dot(patch_normal(c, hit.uv), d) > 0;
 }
 
-bool Geometry::Impl::hides_itself(TargetPrimitive target, DVec3 o, DVec3 d) const {
+bool Geometry::Impl::hides_itself(TargetPrimitive target, DVec3 o, DVec3 d, double skip) const {
   if (is_flat(target.shape)) return false;
   // Of the two points at which the ray may meet it the nearer one is met first; it is either the sampled one or in its way.
-  const auto first = intersect_primitive(target.shape, target.primitive, o, d, 0, std::numeric_limits<double>::infinity());
+  const auto first = intersect_primitive(target.shape, target.primitive, o, d, skip, std::numeric_limits<double>::infinity());
   return first && passes_along_normal(target.shape, target.primitive, o, d, *first) != target.along;
 }
 

@@ -62,20 +62,20 @@ class Geometry {
   Geometry(Geometry&&) noexcept;
   Geometry& operator=(Geometry&&) noexcept;
 
-  /// The nearest hit with 0 < t < t_max (t in lengths of ray.d).
+  /// The nearest hit with ray.skip < t < t_max (t in lengths of ray.d).
   std::optional<Hit> intersect(const Ray& ray, double t_max) const;
 
   /// All that the ray meets at the place where it met `hit` (a result of intersect), `hit` itself first: every hit whose
   /// order along the ray is not known for sure, since vertices were rounded to float, or since a ray that leaves one of the
   /// surfaces may start beyond the other. Hits whose exact
-  /// distance is not positive are left out. Returns their number; those for which `found` has no room are counted only.
+  /// distance is not beyond ray.skip are left out. Returns their number; those for which `found` has no room are counted only.
   /// Triangles that share an edge or vertex which the ray meets are all given.
   size_t coincident(const Ray& ray, const Hit& hit, std::span<CoincidentHit> found) const;
 
   /// Whether the ray met a triangle or patch so near to an edge that its neighbour may be met as well, or instead.
   bool is_at_edge(const Ray& ray, const Hit& hit) const;
 
-  /// Whether anything lies at 0 < t < t_max, but for the point that `target` names.
+  /// Whether anything lies at ray.skip < t < t_max, but for the point that `target` names.
   bool occluded(const Ray& ray, double t_max, TargetPrimitive target) const;
 
   /// Whether a hit of this ray is the point that `target` names.

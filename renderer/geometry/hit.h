@@ -47,4 +47,7 @@ inline DVec3 offset_origin(const SurfacePoint& s, DVec3 direction) {
   return s.p + (glm::dot(direction, n) < 0 ? -2 * s.error : 2 * s.error) * n;
 }
 
+/// The ray that leaves the surface for `direction`.
+inline Ray ray_from(const SurfacePoint& s, DVec3 direction, float time) { return {offset_origin(s, direction), direction, time}; }
+
 }  // namespace woodcock

@@ -221,12 +221,14 @@ class PathKernel {
       ++count_.truncated;
       return false;
     }
-    ray_.o = here_->origin(s.p, ray_.d);
+    ray_ = here_->ray_from(s.p, ray_.d, ray_.time);
     return true;
   }
 
-  /// Where a ray from the surface starts that heads for w.
-  DVec3 origin_of(const SurfacePoint& s, DVec3 w) const { return uses(kTouching) && here_ ? here_->origin(s.p, w) : offset_origin(s, w); }
+  /// The ray from the surface that heads for w.
+  Ray ray_towards(const SurfacePoint& s, DVec3 w) const {
+    return uses(kTouching) && here_ ? here_->ray_from(s.p, w, ray_.time) : ray_from(s, w, ray_.time);
+  }
 
   /// The path heads for w from a surface, which is this member of the place where the path stands, or kNone. A transmission
   /// crosses the member `joined`, too; else the path stays on its outer side.
@@ -245,7 +247,7 @@ class PathKernel {
   /// Goes on behind a surface that is not there for this path, or is a boundary only.
   bool pass(const SurfacePoint& s, int member) {
     leave(member, ray_.d);
-    ray_.o = origin_of(s, ray_.d);
+    ray_ = ray_towards(s, ray_.d);
     return true;
   }
 
@@ -294,9 +296,7 @@ class PathKernel {
         const Vec3 local = frame.to_local(wi);
         const bool transmission = local.z * wo.z < 0;
         leave(member, wi, joined, transmission);
-        scattered = {eval_model(bsdf, wo, local, layered),
-                     woodcock::pdf(bsdf, wo, local),
-                     {origin_of(s, wi), wi, ray_.time},
+        scattered = {eval_model(bsdf, wo, local, layered), woodcock::pdf(bsdf, wo, local), ray_towards(s, wi),
                      medium_after_leaving(info, s.ng, wi, joined, transmission)};
       });
     }
@@ -310,7 +310,7 @@ class PathKernel {
     const Vec3 wi = glm::normalize(frame.to_world(sample->wi));
     medium_ = medium_after_leaving(info, s.ng, wi, joined, sample->transmission);
     leave(member, wi, joined, sample->transmission);
-    ray_ = {origin_of(s, wi), wi, ray_.time};
+    ray_ = ray_towards(s, wi);
     direction_pdf_ = sample->specular ? 0 : sample->pdf;
     after_scattering(s.p);
     return survives_roulette();

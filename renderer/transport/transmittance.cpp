@@ -125,24 +125,24 @@ Shadow trace_shadow(const World& world, Ray ray, double t_max, int medium, Targe
     if (!info.passes_shadows && !info.has_company() && !is_end(*hit)) return {};
     const SurfacePoint s = world.geometry.surface(*hit, ray, Geometry::Tangents::kNotWanted);
     int behind = medium;
-    DVec3 next_origin;
+    Ray next;
     bool ends = false;
     if (may_coincide(world, ray, *hit, s.p)) {
       Junction here(world, ray, *hit);
       if (here.overflowed()) break;
       if (!pass_junction(world, here, ray.d, behind, random, [&](const Hit& h) { return ends = is_end(h); }) && !ends) return {};
-      next_origin = here.origin(s.p, ray.d);
-      if (!ends) behind = here.medium_behind(world, {next_origin, ray.d, ray.time}, behind);
+      next = here.ray_from(s.p, ray.d, ray.time);
+      if (!ends) behind = here.medium_behind(world, next, behind);
     } else {
       ends = is_end(*hit);
       if (!ends && !pass_surface(world, *hit, s, ray.d, behind, random)) return {};
-      next_origin = offset_origin(s, ray.d);
+      next = ray_from(s, ray.d, ray.time);
     }
     estimate = through_medium(estimate, hit->t);
     if (is_black(estimate)) return {};
     if (ends) return {estimate, behind};
     medium = behind;
-    ray.o = next_origin;
+    ray = next;
     left -= hit->t;
     if (left <= 0) return {estimate, medium};
   }

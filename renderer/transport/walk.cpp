@@ -21,8 +21,8 @@ bool survives_roulette(WalkSample& sample, Walk& w) {
 }
 
 /// What scattering changes beside the throughput.
-bool go_on(WalkSample& sample, Walk& w, DVec3 origin, Vec3 wi) {
-  w.ray = {origin, wi, w.ray.time};
+bool go_on(WalkSample& sample, Walk& w, const Ray& ray) {
+  w.ray = ray;
   w.unseen = 0;
   w.new_ray();
   return survives_roulette(sample, w);
@@ -55,11 +55,10 @@ BsdfSample sample_uniformly(const Bsdf& bsdf, Vec3 wo, Vec2 u, Stream& layered) 
   return s;
 }
 
-/// Puts the walk's origin where a ray from the surface, the member of the place where it stands or kNone, starts that heads
-/// for `to`.
+/// Makes the walk's ray the one from the surface, the member of the place where it stands or kNone, that heads for `to`.
 void set_off(Walk& w, const SurfacePoint& s, int member, DVec3 to) {
   if (member != kNone) w.here->leave(member, to);
-  w.ray.o = w.here ? w.here->origin(s.p, to) : offset_origin(s, to);
+  w.ray = w.here ? w.here->ray_from(s.p, to, w.ray.time) : ray_from(s, to, w.ray.time);
 }
 
 }  // namespace
@@ -94,7 +93,7 @@ bool scatter_uniformly(WalkSample& sample, Walk& w, const Medium& medium, DVec3 
   const Vec3 wi = square_to_sphere(stream(w.key, w.vertex, Purpose::kDirection).uniform2());
   w.beta *= medium.phase_at(p).eval(Vec3(-w.ray.d), wi) / square_to_sphere_pdf();
   w.first = false;
-  return go_on(sample, w, p, wi);
+  return go_on(sample, w, {p, wi, w.ray.time});
 }
 
 bool scatter_by_phase(WalkSample& sample, Walk& w, const Medium& medium, DVec3 p) {
@@ -104,7 +103,7 @@ bool scatter_by_phase(WalkSample& sample, Walk& w, const Medium& medium, DVec3 p
   const auto s = medium.phase_at(p).sample(Vec3(-w.ray.d), u, random.uniform());
   w.beta *= s.weight;
   w.first = false;
-  return go_on(sample, w, p, s.wi);
+  return go_on(sample, w, {p, s.wi, w.ray.time});
 }
 
 bool diverges(const EndlessPart& endless, const Walk& w, bool scatters) {
@@ -120,7 +119,7 @@ SurfacePoint arrive(WalkSample& sample, Walk& w, const Hit& hit) {
   w.travelled += hit.t;
   if (!may_coincide(world, w.ray, hit, s.p)) return s;
   w.here.emplace(world, w.ray, hit);
-  w.ray.o = w.here->origin(s.p, w.ray.d);
+  w.ray = w.here->ray_from(s.p, w.ray.d, w.ray.time);
   if (w.here->overflowed()) {
     ++sample.count.truncated;
     sample.stopped = true;
@@ -194,7 +193,7 @@ bool bounce(WalkSample& sample, Walk& w, const SurfaceMeeting& meeting) {
     w.here->leave(meeting.joined, wi);
   }
   set_off(w, s, meeting.member, wi);
-  return go_on(sample, w, w.ray.o, wi);
+  return go_on(sample, w, w.ray);
 }
 
 void meet_environment(WalkSample& sample, const Walk& w) {

@@ -32,7 +32,7 @@ void for_each_place(const World& world, Ray ray, Use&& use) {
     const SurfaceInfo& info = world.surfaces[static_cast<size_t>(hit->shape)];
     if (!info.is_interface) return use(Place{s.p, glm::dot(s.ng, Vec3(ray.d)) < 0 ? s.ng : -s.ng});
     medium = world.medium_after(info, s.ng, ray.d, medium);
-    ray.o = offset_origin(s, ray.d);
+    ray = ray_from(s, ray.d, ray.time);
   }
 }
 

@@ -99,12 +99,12 @@ std::optional<int> first_near_side(const Geometry& geometry, const std::vector<S
     if (may_coincide(geometry, info, ray, *hit, s.p)) {
       const Junction junction(geometry, surfaces, ray, *hit);
       if (const auto medium = junction.medium_before(from_outside)) return medium;
-      ray.o = junction.origin(s.p, ray.d);
+      ray = junction.ray_from(s.p, ray.d, ray.time);
       continue;
     }
     // What is never there bounds nothing.
     if (info.is_boundary && !info.is_absent()) return glm::dot(ray.d, DVec3(s.ng)) < 0 ? info.outside : info.inside;
-    ray.o = offset_origin(s, ray.d);
+    ray = ray_from(s, ray.d, ray.time);
   }
   return std::nullopt;
 }
@@ -125,20 +125,30 @@ int join_dielectrics(const World& world, const Junction& here, int exit, DVec3 d
   return entry;
 }
 
+namespace {
+
+/// A ray that meets a surface at less than this cosine grazes it.
+constexpr double kGrazing = 0.1;
+
+/// How far from a member's surface float coordinates tell places apart.
+double float_distance(const Junction::Member& m, DVec3 at) {
+  return std::max(2 * m.error.distance,
+                  1.25 * glm::dot(glm::abs(DVec3(m.s.ng)), (m.hit.instance < 0 ? 0x1.1p-23 : 0x1.1p-22) * glm::abs(at)));
+}
+
+}  // namespace
+
 DVec3 Junction::origin(DVec3 from, DVec3 w) const {
   // Moved along each normal in turn as far as the error of the surface asks for. In a corner one move may undo another; w leads out of
-  // it, so that the turns end. At an edge Embree's own rounding decides which primitives a ray meets, and what it left out here it may
-  // meet from the new origin: there the ray starts as far off as float coordinates tell places apart.
-  const bool at_edge = std::any_of(members().begin(), members().end(), [](const Member& m) { return m.error.at_edge; });
-  const DVec3 in_float = 0x1.1p-24 * glm::abs(from);
+  // it, so that the turns end.
   DVec3 o = from;
   for (int turn = 0; turn < 64; ++turn) {
     bool moved = false;
     for (const Member& m : members()) {
       const DVec3 n = glm::dot(w, DVec3(m.s.ng)) > 0 ? DVec3(m.s.ng) : -DVec3(m.s.ng);
-      double wanted = 2 * m.s.error;
-      if (at_edge)
-        wanted = std::max({wanted, 2 * m.error.distance, 1.25 * glm::dot(glm::abs(n), (m.hit.instance < 0 ? 2.0 : 4.0) * in_float)});
+      // A ray that grazes a surface at an edge keeps clear of it in float: that costs no length.
+      const bool keeps_clear = m.error.at_edge && glm::dot(w, n) < kGrazing;
+      const double wanted = keeps_clear ? float_distance(m, from) : 2 * m.s.error;
       const double distance = glm::dot(o - m.s.p, n);
       if (distance >= wanted) continue;
       o += (wanted - distance) * n;
@@ -147,6 +157,17 @@ DVec3 Junction::origin(DVec3 from, DVec3 w) const {
     if (!moved) break;
   }
   return o;
+}
+
+Ray Junction::ray_from(DVec3 from, DVec3 w, float time) const {
+  Ray ray{origin(from, w), w, time};
+  if (std::none_of(members().begin(), members().end(), [](const Member& m) { return m.error.at_edge; })) return ray;
+  for (const Member& m : members()) {
+    const DVec3 n = glm::dot(w, DVec3(m.s.ng)) > 0 ? DVec3(m.s.ng) : -DVec3(m.s.ng);
+    const double cosine = glm::dot(w, n), missing = float_distance(m, from) - glm::dot(ray.o - m.s.p, n);
+    if (missing > 0) ray.skip = std::max(ray.skip, missing / std::max(cosine, kGrazing));
+  }
+  return ray;
 }
 
 }  // namespace woodcock

@@ -53,6 +53,10 @@ class Junction {
 
   /// `from`, a point at this place, moved to where a ray to w starts on the right side of all members.
   DVec3 origin(DVec3 from, DVec3 w) const;
+  /// The ray that starts there. At an edge Embree's own rounding decides which primitives a ray meets, and what it left out here it may
+  /// meet from the new origin: there the ray skips as much as it takes to be as far from all members as float coordinates tell places
+  /// apart. Lengths count from the origin all the same.
+  Ray ray_from(DVec3 from, DVec3 w, float time) const;
 
   /// The medium of a ray that has left this place with nothing left to cross, `crossed` as its crossings tell. At an edge it
   /// is the near side of the first boundary ahead; where none is, the medium around the scene if that is the same everywhere.
@@ -62,6 +66,11 @@ class Junction {
   /// of another, exits first. Nothing where there is no boundary. A ray that comes `from_outside` of everything meets the
   /// outer sides only: from far away the two faces of a thin sheet are one place.
   std::optional<int> medium_before(bool from_outside = false) const;
+
+  /// Calls `use(medium, length)` for each way between two members that one medium fills, by the nearer one's far side or the farther
+  /// one's near side; `length` > 0 along the ray, in render units.
+  template <typename Use>
+  void for_each_gap(Use&& use) const;
 
   /// Some members found no room.
   bool overflowed() const { return overflowed_; }
@@ -79,6 +88,20 @@ class Junction {
   size_t count_ = 0;
   bool overflowed_ = false;
 };
+
+template <typename Use>
+void Junction::for_each_gap(Use&& use) const {
+  for (const Member& near : members()) {
+    const Member* far = nullptr;
+    for (const Member& other : members())
+      if (other.hit.t > near.hit.t && (far == nullptr || other.hit.t < far->hit.t)) far = &other;
+    if (far == nullptr) continue;
+    const auto beyond = [&](const Member& m) { return m.outside ? info(m).inside : info(m).outside; };
+    const auto before = [&](const Member& m) { return m.outside ? info(m).outside : info(m).inside; };
+    const int medium = info(near).is_boundary ? beyond(near) : info(*far).is_boundary ? before(*far) : kNone;
+    if (medium != kNone) use(medium, far->hit.t - near.hit.t);
+  }
+}
 
 /// The near side of the first boundary that the ray meets, looking through everything else; nothing where there is none.
 /// `from_outside`: the ray starts outside of all shapes.

@@ -11,6 +11,7 @@
 #include "renderer/world/contacts.h"
 #include "renderer/world/effect_plan.h"
 #include "renderer/world/junction.h"
+#include "renderer/world/thin_media.h"
 
 namespace woodcock {
 namespace {
@@ -257,6 +258,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
       break;
     }
   }
+  for (std::string& note : thin_media(*world, scene.film, medium_names)) world->notes.push_back(std::move(note));
   std::vector<double> powers;
   for (const int medium : reachable_media(scene, *world))
     if (const EmissionBricks* bricks = world->media[medium].emission_bricks()) {
