@@ -251,7 +251,10 @@ Scene random_scene_for(Relation relation, RandomDraws& draw) {
   Scene scene = random_open_scene(draw);
   if (relation == Relation::kTwoSided) {
     for (Body& b : scene.bodies)
-      if (!b.two_sided && !b.enclosure && b.material.form == MaterialForm::kDiffuse) b.emission = draw.colour(0.2, 3);
+      if (!b.two_sided && !b.enclosure && !b.instance && b.material.form == MaterialForm::kDiffuse) {
+        b.emission = draw.colour(0.2, 3);
+        b.reversed = false;
+      }
   }
   if (relation == Relation::kFarCamera) {
     CameraPart camera;
