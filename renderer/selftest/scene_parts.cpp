@@ -79,6 +79,7 @@ double index_inside(const Scene& scene, int body) {
 }
 
 const MediumPart* medium_inside(const Scene& scene, int body) {
+  while (body != kRoot && scene.bodies[static_cast<size_t>(body)].within) body = scene.bodies[static_cast<size_t>(body)].parent;
   const std::optional<MediumPart>& medium = body == kRoot ? scene.medium : scene.bodies[static_cast<size_t>(body)].medium;
   return medium ? &*medium : nullptr;
 }

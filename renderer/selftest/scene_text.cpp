@@ -11,7 +11,10 @@ namespace {
 std::string medium_name(int body) { return body == kRoot ? "around" : fmt::format("m{}", body); }
 
 /// The name for a MediumInterface: empty for vacuum.
-std::string medium_in(const Scene& scene, int region) { return medium_inside(scene, region) != nullptr ? medium_name(region) : ""; }
+std::string medium_in(const Scene& scene, int region) {
+  while (region != kRoot && scene.bodies[static_cast<size_t>(region)].within) region = scene.bodies[static_cast<size_t>(region)].parent;
+  return medium_inside(scene, region) != nullptr ? medium_name(region) : "";
+}
 
 DVec3 placed(const Placement& placement, DVec3 p) { return placement.offset + placement.scale * p; }
 
@@ -78,7 +81,7 @@ std::string body_block(const Scene& scene, int index, const Writing& writing) {
   BodyText how{
       body, fmt::format("b{}", index), emission_of(scene, body), body.radius * scene.placement.scale, mirrored, writing.split_lights, ""};
   if (body.has_boundary) {
-    std::string outside = medium_in(scene, body.parent), inside = body.within ? outside : medium_in(scene, index);
+    std::string inside = medium_in(scene, index), outside = medium_in(scene, body.parent);
     if (body.reversed) std::swap(inside, outside);
     how.media = fmt::format("MediumInterface \"{}\" \"{}\"\n", inside, outside);
   }

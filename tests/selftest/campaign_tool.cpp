@@ -1,17 +1,20 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include "renderer/core/random.h"
 #include "renderer/selftest/campaign.h"
 using namespace woodcock::selftest;
+using woodcock::hash_combine;
 int main(int argc, char** argv) {
   const uint64_t seed = std::strtoull(argv[1], nullptr, 10), first = std::strtoull(argv[2], nullptr, 10),
                  count = std::strtoull(argv[3], nullptr, 10);
   const bool verbose = argc > 5;
   const Draw what = argc > 4 && argv[4][0] == 'r' ? Draw::kRelations : Draw::kFurnaces;
+  const int relation = argc > 4 ? std::atoi(argv[4]) : 0;
   Tally tally;
   for (uint64_t i = first; i < first + count; ++i) {
     const auto t0 = std::chrono::steady_clock::now();
-    const Verdict v = judge(seed, i, what, {});
+    const Verdict v = relation > 0 ? judge(random_case(seed, i, static_cast<Relation>(relation)), hash_combine(seed, ~i), {}) : judge(seed, i, what, {});
     const double dt = std::chrono::duration<double>(std::chrono::steady_clock::now() - t0).count();
     tally.add(v);
     if (verbose || dt > 3) {
