@@ -11,6 +11,7 @@
 #include "renderer/selftest/random_rendering.h"
 #include "renderer/selftest/random_scene.h"
 #include "renderer/selftest/split_frame.h"
+#include "renderer/selftest/visibility.h"
 
 namespace woodcock::selftest {
 namespace {
@@ -80,6 +81,29 @@ void examine_relation(const Case& c, uint64_t seed, const Effort& effort, Findin
   finding.comparisons = compare_with_zero(differences, tolerance(c.relation));
 }
 
+/// Has no noise: one light sample that is seen otherwise fails the case.
+void examine_visibility(const Case& c, uint64_t seed, const Effort& effort, Finding& finding) {
+  const Placement& placement = c.scene.placement;
+  const double mirror = placement.mirrored ? -1 : 1;
+  const int points = effort.passes * kEdge * kEdge / 4;
+  const VisibilityCount count = compare_visibility(
+      scene_text(c.scene), placement.scale, DVec3(mirror * placement.offset.x, placement.offset.y, placement.offset.z), seed, points);
+  finding.samples = static_cast<uint64_t>(count.compared);
+  finding.empty = count.compared == 0;
+  finding.comparisons.push_back({});
+  finding.comparisons.back().what = "light samples seen";
+  if (count.different > 0)
+    finding.fault = fmt::format("{} of {} light samples are seen otherwise than by a ray", count.different, count.compared);
+}
+
+/// Whether a relation that compares two renderings says something of this scene.
+bool applies(const Case& c) {
+  if (c.relation == Relation::kSplit) return true;
+  if (c.relation == Relation::kVisibility)
+    return std::any_of(c.scene.bodies.begin(), c.scene.bodies.end(), [](const Body& b) { return b.emission != DVec3(0) && !b.instance; });
+  return changed(c.relation, c.change, {c.scene, {}, c.rendering}).has_value();
+}
+
 }  // namespace
 
 Case random_case(uint64_t seed, uint64_t index, Relation relation) {
@@ -95,7 +119,7 @@ Case random_case(uint64_t seed, uint64_t index, Relation relation) {
   for (int attempt = 0; attempt < 300; ++attempt) {
     c.scene = random_scene_for(relation, draw);
     c.change = random_change(draw, relation, c.scene);
-    if (relation == Relation::kSplit || changed(relation, c.change, {c.scene, {}, c.rendering})) break;
+    if (applies(c)) break;
   }
   return c;
 }
@@ -118,6 +142,8 @@ Finding examine(const Case& c, uint64_t seed, const Effort& effort) {
       finding.comparisons.back().what = "bits of the pixels";
       finding.fault = compare_split(scene_text(c.scene), seed, c.change.choice);
       finding.samples = kEdge * kEdge * kSplitSamples * 2;
+    } else if (c.relation == Relation::kVisibility) {
+      examine_visibility(c, seed, effort, finding);
     } else {
       examine_relation(c, seed, effort, finding);
     }

@@ -86,9 +86,9 @@ bool has_homogeneous(const Scene& scene) {
 
 const char* name_of(Relation relation) {
   constexpr std::array<const char*, kRelationCount> kNames{
-      "furnace",       "rendered otherwise", "full kernel", "split in parts", "scaled by two", "scaled",
-      "moved",         "mirrored",           "permuted",    "reordered",      "boundary",      "constant grid",
-      "sum of halves", "lights halved",      "two-sided",   "shrunk light",   "far camera",    "far body"};
+      "furnace",   "rendered otherwise", "full kernel", "split in parts", "scaled by two", "scaled",        "moved",
+      "mirrored",  "permuted",           "reordered",   "boundary",       "constant grid", "sum of halves", "lights halved",
+      "two-sided", "shrunk light",       "far camera",  "far body",       "visibility"};
   return kNames[static_cast<size_t>(relation)];
 }
 
@@ -255,6 +255,17 @@ Scene random_scene_for(Relation relation, RandomDraws& draw) {
         b.emission = draw.colour(0.2, 3);
         b.reversed = false;
       }
+  }
+  if (relation == Relation::kVisibility) {
+    if (draw.chance(0.3)) scene = random_lamp_scene(draw);
+    scene.medium.reset();
+    const bool dark = std::none_of(scene.bodies.begin(), scene.bodies.end(), [](const Body& b) { return b.emission != DVec3(0); });
+    for (Body& b : scene.bodies) {
+      b.medium.reset();
+      b.alpha = 1;
+      if (b.material.form == MaterialForm::kMix) b.material = {};
+      if (dark && !b.instance && b.material.form == MaterialForm::kDiffuse) b.emission = DVec3(1);
+    }
   }
   if (relation == Relation::kFarCamera) {
     CameraPart camera;

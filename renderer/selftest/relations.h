@@ -30,8 +30,9 @@ enum class Relation {
   kShrunkLight,   ///< with its power kept
   kFarCamera,     ///< an orthographic camera is moved back
   kFarBody,       ///< a boundary of nothing stands far away
+  kVisibility,    ///< a light sample is seen where it is what a ray in its direction meets first
 };
-inline constexpr int kRelationCount = 18;
+inline constexpr int kRelationCount = 19;
 const char* name_of(Relation relation);
 
 /// The random numbers of a change.
@@ -49,7 +50,8 @@ struct Variant {
   Writing writing;
   Rendering rendering;
 };
-/// The other side of the comparison; nothing where the relation says nothing of this scene. Not for kFurnace and kSplit, which have none.
+/// The other side of the comparison; nothing where the relation says nothing of this scene. Not for kFurnace, kSplit and kVisibility,
+/// which have none.
 std::optional<Variant> changed(Relation relation, const Change& change, const Variant& from);
 
 /// Which channel of the changed picture stands for channel c.
