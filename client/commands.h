@@ -25,5 +25,6 @@ void add_workers_command(CLI::App& app, int& code);
 void add_sweep_command(CLI::App& app, int& code);
 void add_up_command(CLI::App& app, int& code);
 void add_doctor_command(CLI::App& app, int& code);
+void add_selftest_command(CLI::App& app, int& code);
 
 }  // namespace woodcock

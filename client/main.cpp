@@ -36,6 +36,7 @@ int main(int argc, char** argv) {
   woodcock::add_sweep_command(app, code);
   woodcock::add_up_command(app, code);
   woodcock::add_doctor_command(app, code);
+  woodcock::add_selftest_command(app, code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

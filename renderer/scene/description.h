@@ -222,8 +222,8 @@ struct MediumDescription {
   MediumKind kind;
 };
 
-/// Which media lie on the two sides of a boundary. The file's `MediumInterface "" ""` is {kNone, kNone} with
-/// `given`; a shape without any keeps the ray's medium.
+/// Which media lie on the two sides of a boundary. Without `given`, which shapes with the same medium on both sides do not
+/// have either, the ray's medium stays; a camera is in `outside`.
 struct MediumInterfaceDescription {
   int inside = kNone, outside = kNone;
   bool given = false;

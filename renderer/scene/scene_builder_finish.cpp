@@ -77,6 +77,8 @@ void SceneBuilder::resolve_interface(MediumInterfaceDescription& media) const {
 void SceneBuilder::resolve_shape(ShapeDescription& shape) {
   shape.material = material_references_.target(shape.material);
   resolve_interface(shape.media);
+  // As in pbrt-v4 the same on both sides is no transition: the ray's medium stays what it is.
+  if (shape.media.inside == shape.media.outside) shape.media.given = false;
   if (shape.area_light &&
       std::holds_alternative<InterfaceDescription>(context_.scene.materials[static_cast<size_t>(shape.material)].kind)) {
     context_.ignore(shape.where, "an area light on a shape of material \"interface\" (pbrt-v4 lets it emit nothing either)");

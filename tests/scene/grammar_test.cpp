@@ -167,8 +167,18 @@ TEST(Grammar, MediumInterfaceTakesOneOrTwoNames) {
   EXPECT_EQ(scene.lights[0].medium, 1);
   EXPECT_EQ(scene.shapes[2].media.inside, 0);
   EXPECT_EQ(scene.shapes[2].media.outside, 0);
-  EXPECT_TRUE(scene.shapes[3].media.given);
   EXPECT_EQ(scene.shapes[3].media.inside, kNone);
+}
+
+/// pbrt-v4: only an interface with IsMediumTransition() replaces the medium of the ray.
+TEST(Grammar, TheSameMediumOnBothSidesLeavesTheRaysMediumAsItIs) {
+  const SceneDescription scene = read_text(
+      "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" MediumInterface \"\" \"fog\" Camera \"perspective\" WorldBegin "
+      "Shape \"sphere\" MediumInterface \"\" \"\" Shape \"sphere\" MediumInterface \"fog\" Shape \"sphere\"");
+  EXPECT_TRUE(scene.shapes[0].media.given) << "the camera's interface holds behind WorldBegin";
+  EXPECT_EQ(scene.shapes[0].media.outside, 0);
+  EXPECT_FALSE(scene.shapes[1].media.given);
+  EXPECT_FALSE(scene.shapes[2].media.given);
 }
 
 TEST(Grammar, IncludeResolvesAgainstTheIncludingFilesFolder) {
