@@ -28,13 +28,13 @@ Densities Densities::weights(bool mis) const {
 std::optional<DVec3> scattering_value(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi) {
   if (vertex.kind == LastVertex::Kind::kSurface)
     return scatter(scene.material(vertex.material), vertex.local(vertex.wo), vertex.local(wi)).value;
-  return DVec3(phase_density(scene.medium(vertex.medium).phase(), vertex.wo, wi));
+  return scene.medium(vertex.medium).phase(vertex.p, vertex.wo, wi).value;
 }
 
 double scattering_pdf(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi) {
   if (vertex.kind == LastVertex::Kind::kSurface)
     return scatter(scene.material(vertex.material), vertex.local(vertex.wo), vertex.local(wi)).pdf;
-  return phase_density(scene.medium(vertex.medium).phase(), vertex.wo, wi);
+  return scene.medium(vertex.medium).phase(vertex.p, vertex.wo, wi).pdf;
 }
 
 double flight_pdf(const MediumFormula& medium, DVec3 share, DVec3 p, double t) {

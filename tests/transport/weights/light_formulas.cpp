@@ -82,8 +82,20 @@ LightFormula::LightFormula(const ShapeDescription& shape, const RenderSpace& spa
   } else if (const auto* c = std::get_if<CylinderDescription>(&shape.kind)) {
     kind_ = Kind::kCylinder;
     position_ = point(to_render, DVec3(0, 0, (c->z_min + c->z_max) / 2));
+    radius_ = c->radius * scale;
     axis_ = glm::normalize(vector(to_render, DVec3(0, 0, 1)));
     area_ = 2 * kPiD * c->radius * (c->z_max - c->z_min) * scale * scale;
+  } else if (const auto* patches = std::get_if<std::shared_ptr<const BilinearMesh>>(&shape.kind)) {
+    // A flat one, cut along the diagonal from its first corner to its last.
+    if ((*patches)->patches.size() != 1) throw std::logic_error("no formula for several patches");
+    kind_ = Kind::kTriangles;
+    patch_ = true;
+    std::array<DVec3, 4> corner;
+    for (size_t i = 0; i < 4; ++i) corner[i] = point(to_render, (*patches)->positions[(*patches)->patches[0][i]]);
+    triangles_ = {{corner[0], corner[1], corner[3]}, {corner[0], corner[3], corner[2]}};
+    area_ = area(triangles_[0]) + area(triangles_[1]);
+    position_ = 0.5 * (glm::min(glm::min(corner[0], corner[1]), glm::min(corner[2], corner[3])) +
+                       glm::max(glm::max(corner[0], corner[1]), glm::max(corner[2], corner[3])));
   } else {
     const auto& mesh = *std::get<std::shared_ptr<const TriangleMesh>>(shape.kind);
     kind_ = Kind::kTriangles;
@@ -107,10 +119,19 @@ DVec3 LightFormula::normal(uint32_t primitive, DVec3 p) const {
   if (kind_ == Kind::kSphere) n = glm::normalize(p - position_);
   if (kind_ == Kind::kCylinder) n = glm::normalize((p - position_) - axis_ * glm::dot(p - position_, axis_));
   if (kind_ == Kind::kTriangles) {
-    const auto& c = triangles_[primitive];
+    const auto& c = triangles_[patch_ ? 0 : primitive];
     n = glm::normalize(glm::cross(c[1] - c[0], c[2] - c[0]));
   }
   return flip_ ? -n : n;
+}
+
+const std::array<DVec3, 3>& LightFormula::triangle(uint32_t primitive, DVec3 p) const {
+  if (!patch_) return triangles_[primitive];
+  const auto& c = triangles_[0];
+  const DVec3 diagonal = c[2] - c[0], n = glm::cross(c[1] - c[0], diagonal);
+  const double side = glm::dot(glm::cross(diagonal, p - c[0]), n) / (glm::length(n) * glm::dot(diagonal, diagonal));
+  if (std::abs(side) < 1e-4) throw TooNear{};
+  return triangles_[side < 0 ? 0 : 1];
 }
 
 double LightFormula::triangle_pdf(const std::array<DVec3, 3>& corner, DVec3 from, DVec3 p) const {
@@ -147,13 +168,46 @@ double LightFormula::pdf(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi) cons
       return side > 0 ? 0 : (1 + std::sqrt(1 - sine * sine)) / (2 * kPiD * sine * sine);
     }
     case Kind::kTriangles:
-      return triangle_pdf(triangles_[primitive], from, p);
+      return triangle_pdf(triangle(primitive, p), from, p);
     case Kind::kDisk:
     case Kind::kCylinder:
       break;
   }
   const DVec3 to = p - from;
   return glm::dot(to, to) / (std::abs(glm::dot(wi, normal(primitive, p))) * area_);
+}
+
+bool LightFormula::hides(DVec3 from, uint32_t primitive, DVec3 p) const {
+  if (opacity_ < 1) return false;
+  const DVec3 to = p - from;
+  // What rounding may take for the point itself, or for the other side of an edge, is left out.
+  constexpr double kMargin = 1e-4;
+  if (patch_) return false;
+  if (kind_ == Kind::kTriangles) {
+    for (size_t i = 0; i < triangles_.size(); ++i) {
+      if (i == primitive) continue;
+      const auto& c = triangles_[i];
+      const DVec3 n = glm::cross(c[1] - c[0], c[2] - c[0]);
+      const double s = glm::dot(c[0] - from, n) / glm::dot(to, n);
+      if (!(s > kMargin && glm::length(to) * (1 - s) > 1e-2 * std::sqrt(area_))) continue;
+      bool inside = true;
+      for (size_t k = 0; k < 3; ++k) {
+        const DVec3 side = glm::cross(n, c[(k + 1) % 3] - c[k]);
+        inside = inside && glm::dot(from + s * to - c[k], side) > 1e-2 * glm::length(side) * std::sqrt(area_);
+      }
+      if (inside) return true;
+    }
+    return false;
+  }
+  if (kind_ != Kind::kCylinder) return false;
+  const DVec3 o = from - position_, across = o - axis_ * glm::dot(o, axis_), along = to - axis_ * glm::dot(to, axis_);
+  const double a = glm::dot(along, along), b = glm::dot(along, across), c = glm::dot(across, across) - radius_ * radius_, d = b * b - a * c;
+  if (!(d > 0)) return false;
+  // The other of the two walls.
+  const double first = (-b - std::sqrt(d)) / a, second = (-b + std::sqrt(d)) / a,
+               s = std::abs(first - 1) > std::abs(second - 1) ? first : second;
+  const double height = std::abs(glm::dot(o + s * to, axis_)), half = area_ / (4 * kPiD * radius_);
+  return s > kMargin && glm::length(to) * (1 - s) > 1e-2 * radius_ && height < half * (1 - kMargin);
 }
 
 DVec3 LightFormula::radiance(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi, bool sampled) const {

@@ -4,6 +4,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "tests/transport/weights/scattering_formulas.h"
 #include "tests/transport/weights/scene_formulas.h"
 
 namespace woodcock::testing {
@@ -113,15 +114,70 @@ DVec3 MediumFormula::interpolate(const std::vector<DVec3>& voxels, DVec3 c) cons
   return sum;
 }
 
-DVec3 MediumFormula::sigma_a(DVec3 p) const { return grid_ ? interpolate(grid_->sigma_a, cell(p)) : sigma_a_; }
-DVec3 MediumFormula::sigma_s(DVec3 p) const { return grid_ ? interpolate(grid_->sigma_s, cell(p)) : sigma_s_; }
-DVec3 MediumFormula::emission(DVec3 p) const {
-  return sigma_a(p) * (grid_ && !grid_->emission.empty() ? interpolate(grid_->emission, cell(p)) : le_);
+MediumFormula::MediumFormula(std::vector<MediumFormula> parts) : parts_(std::move(parts)) {
+  for (const MediumFormula& part : parts_) {
+    scatters_ = scatters_ || part.scatters_;
+    emits_ = emits_ || part.emits_;
+    mean_ += part.mean_;
+  }
 }
 
-double MediumFormula::typical_rate() const {
-  if (!grid_) return mean_;
-  return std::max(4 / (glm::length(DVec3(grid_->size)) * std::cbrt(grid_->cell_volume)), mean_);
+bool MediumFormula::is_homogeneous() const {
+  return !grid_ && std::all_of(parts_.begin(), parts_.end(), [](const MediumFormula& m) { return m.is_homogeneous(); });
+}
+
+bool MediumFormula::samples_emission() const {
+  return (grid_ && emits_) || std::any_of(parts_.begin(), parts_.end(), [](const MediumFormula& m) { return m.samples_emission(); });
+}
+
+DVec3 MediumFormula::sigma_a(DVec3 p) const {
+  DVec3 sum = grid_ ? interpolate(grid_->sigma_a, cell(p)) : sigma_a_;
+  for (const MediumFormula& part : parts_) sum += part.sigma_a(p);
+  return sum;
+}
+
+DVec3 MediumFormula::sigma_s(DVec3 p) const {
+  DVec3 sum = grid_ ? interpolate(grid_->sigma_s, cell(p)) : sigma_s_;
+  for (const MediumFormula& part : parts_) sum += part.sigma_s(p);
+  return sum;
+}
+
+DVec3 MediumFormula::emission(DVec3 p) const {
+  if (parts_.empty()) return sigma_a(p) * (grid_ && !grid_->emission.empty() ? interpolate(grid_->emission, cell(p)) : le_);
+  DVec3 sum(0);
+  for (const MediumFormula& part : parts_) sum += part.emission(p);
+  return sum;
+}
+
+/// Parts mix by their σs in each channel, and are sampled by the mean of the channels.
+MediumFormula::Phase MediumFormula::phase(DVec3 p, DVec3 wo, DVec3 wi) const {
+  if (parts_.empty()) {
+    const double density = phase_density(phase_, wo, wi);
+    return {DVec3(density), density};
+  }
+  const DVec3 all = sigma_s(p);
+  Phase sum{DVec3(0), 0};
+  for (const MediumFormula& part : parts_) {
+    const double density = phase_density(part.phase_, wo, wi);
+    const DVec3 s = part.sigma_s(p);
+    for (int c = 0; c < 3; ++c) sum.value[c] += all[c] > 0 ? s[c] / all[c] * density : 0;
+    sum.pdf += mean(s) / mean(all) * density;
+  }
+  return sum;
+}
+
+double MediumFormula::diagonal() const {
+  double smallest = grid_ ? glm::length(DVec3(grid_->size)) * std::cbrt(grid_->cell_volume) : 1e300;
+  for (const MediumFormula& part : parts_) smallest = std::min(smallest, part.diagonal());
+  return smallest;
+}
+
+double MediumFormula::typical_rate() const { return std::max(4 / diagonal(), mean_); }
+
+double MediumFormula::emitted_power() const {
+  double sum = power_;
+  for (const MediumFormula& part : parts_) sum += part.emitted_power();
+  return sum;
 }
 
 /// In proportion to the emission at voxel centres, and a 64th of it by volume.
@@ -148,7 +204,20 @@ void MediumFormula::add_bricks() {
 }
 
 double MediumFormula::emission_pdf(DVec3 p) const {
+  if (!parts_.empty()) {
+    // Parts are chosen by power, and a 64th of the time alike.
+    double sum = 0, sampled = 0;
+    for (const MediumFormula& part : parts_) sampled += part.samples_emission() ? 1 : 0;
+    for (const MediumFormula& part : parts_)
+      if (part.samples_emission()) sum += (part.power_ / emitted_power() + 1 / (64 * sampled)) / (1 + 1.0 / 64) * part.emission_pdf(p);
+    return sum;
+  }
   const DVec3 c = cell(p);
+  for (int i = 0; i < 3; ++i) {
+    const double outside = std::max(-c[i], c[i] - grid_->size[i]);
+    if (std::abs(outside) < 1e-4) throw TooNear{};
+    if (outside > 0) return 0;
+  }
   IVec3 brick;
   for (int i = 0; i < 3; ++i) {
     const double in_bricks = c[i] / kEdge;
@@ -197,7 +266,15 @@ SceneFormulas::SceneFormulas(const SceneDescription& scene, const World& world) 
   for (double& p : bounded_pmf_) p = bounded > 0 ? p / bounded : 0;
 
   around_ = scene.camera.media.given ? scene.camera.media.outside : kNone;
-  for (const MediumDescription& medium : scene.media) media_.emplace_back(medium, world.space);
+  for (const MediumDescription& medium : scene.media) {
+    if (const auto* sum = std::get_if<SumMediumDescription>(&medium.kind)) {
+      std::vector<MediumFormula> parts;
+      for (const int part : sum->media) parts.emplace_back(scene.media[static_cast<size_t>(part)], world.space);
+      media_.emplace_back(std::move(parts));
+    } else {
+      media_.emplace_back(medium, world.space);
+    }
+  }
   for (const ShapeDescription& shape : scene.shapes) {
     if (!shape.media.given || shape.media.inside == shape.media.outside) continue;
     const DMat4 to_render = world.space.render_from_world * shape.world_from_object;

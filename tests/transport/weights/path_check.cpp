@@ -297,8 +297,8 @@ void PathCheck::check_contribution(const LightAdded& e, const LastVertex& vertex
     LightEnd n = end;
     nudge(way, v, n);
     const Densities other = densities(scene_, techniques_, v, n);
-    weight_allowed += 2 * std::abs(chosen(e.technique, other.weights(techniques_.mis)) - weight);
-    if (density > 0) density_allowed += 2 * std::abs(chosen(e.technique, other) / density - 1);
+    weight_allowed += 4 * std::abs(chosen(e.technique, other.weights(techniques_.mis)) - weight);
+    if (density > 0) density_allowed += 4 * std::abs(chosen(e.technique, other) / density - 1);
   }
   const int ways = (d.scattering > 0) + (d.light_sample > 0) + (d.equiangular > 0) + (d.emission_sample > 0);
   report_->with_several += ways > 1;
@@ -355,6 +355,8 @@ void PathCheck::check_value(const LightAdded& e, const LastVertex& vertex, const
     compare("the value of light met", e.added, so_far_.beta() * radiance * weight, slack, &report_->value_deviation);
     return;
   }
+  if (end.kind == LightEnd::Kind::kShape && scene_.light(end.source).hides(vertex.p, end.primitive, end.p))
+    fail("light is sampled at " + text(end.p) + " through another part of what emits it, from " + text(vertex.p));
   const std::optional<DVec3> f = scattering_value(scene_, vertex, end.wi);
   if (!f) return;  // of a layered model: an estimate of its own
   for (int way = 0; way < 4; ++way) {

@@ -121,30 +121,40 @@ class Generator {
   }
 
   std::string material(bool opaque) {
+    if (!chance(0.1)) return plain_material(opaque, "Material \"", "\"");
+    const std::string name = fmt::format("x{}", mixes_++);
+    std::string text;
+    for (const char* part : {"a", "b"})
+      text += plain_material(opaque, fmt::format("MakeNamedMaterial \"{}{}\" \"string type\" \"", name, part), "\"");
+    return text +
+           fmt::format("Material \"mix\" \"string materials\" [ \"{0}a\" \"{0}b\" ] \"float amount\" {1:.3g}\n", name, uniform(0.1, 0.9));
+  }
+
+  std::string plain_material(bool opaque, const std::string& before, const std::string& after) {
     const double rough = chance(0.25) ? 0 : uniform(0.05, 0.7);
     const std::string roughness =
         chance(0.5) ? fmt::format(" \"float roughness\" {:.4g}", rough)
                     : fmt::format(" \"float uroughness\" {:.4g} \"float vroughness\" {:.4g}", rough, rough * uniform(0.3, 1));
     switch (below(opaque ? 6 : 9)) {
       case 0:
-        return "Material \"conductor\"" + roughness + "\n";
+        return before + "conductor" + after + roughness + "\n";
       case 1:
-        return "Material \"conductor\"" + color("reflectance", 0.1, 0.95) + roughness + "\n";
+        return before + "conductor" + after + color("reflectance", 0.1, 0.95) + roughness + "\n";
       case 2:
-        return "Material \"coateddiffuse\"" + color("reflectance", 0.1, 0.9) + roughness +
+        return before + "coateddiffuse" + after + color("reflectance", 0.1, 0.9) + roughness +
                fmt::format(" \"float thickness\" {:.4g}\n", uniform(0, 0.5));
       case 3:
-        return "Material \"coatedconductor\"" +
+        return before + "coatedconductor" + after +
                fmt::format(" \"float interface.roughness\" {:.4g} \"float conductor.roughness\" {:.4g}", rough, uniform(0, 0.5)) +
                (chance(0.5) ? color("albedo", 0.1, 0.9) : "") + "\n";
       case 6:
-        return "Material \"dielectric\"" + fmt::format(" \"float eta\" {:.4g}", uniform(1.1, 2)) + roughness + "\n";
+        return before + "dielectric" + after + fmt::format(" \"float eta\" {:.4g}", uniform(1.1, 2)) + roughness + "\n";
       case 7:
-        return "Material \"diffusetransmission\"" + color("reflectance", 0, 0.5) + color("transmittance", 0, 0.5) + "\n";
+        return before + "diffusetransmission" + after + color("reflectance", 0, 0.5) + color("transmittance", 0, 0.5) + "\n";
       case 8:
-        return "Material \"thindielectric\"\n";
+        return before + "thindielectric" + after + "\n";
       default:
-        return "Material \"diffuse\"" + color("reflectance", 0.1, 0.95) + "\n";
+        return before + "diffuse" + after + color("reflectance", 0.1, 0.95) + "\n";
     }
   }
 
@@ -192,7 +202,16 @@ class Generator {
     const double size = uniform(0.2, 0.36), half = 0.57 * size;
     const bool glass = chance(0.3), cube = chance(0.4);
     const double depth = std::exp(uniform(-1, 3));
-    text_ += chance(0.5) ? homogeneous(name, depth, chance(0.25)) : grid(name, p, cube ? half : size, depth);
+    const auto one = [&](const std::string& part) {
+      text_ += chance(0.5) ? homogeneous(part, depth, chance(0.25)) : grid(part, p, (cube ? half : size) * uniform(0.7, 1.1), depth);
+    };
+    if (chance(0.25)) {
+      one(name + "a");
+      one(name + "b");
+      text_ += fmt::format("MakeNamedMedium \"{0}\" \"string type\" \"sum\" \"string media\" [ \"{0}a\" \"{0}b\" ]\n", name);
+    } else {
+      one(name);
+    }
     text_ += "AttributeBegin\n";
     text_ += glass ? fmt::format("Material \"dielectric\" \"float eta\" {:.4g} \"float roughness\" {:.3g}\n", uniform(1.1, 1.8),
                                  chance(0.5) ? 0 : uniform(0.05, 0.5))
@@ -220,7 +239,12 @@ class Generator {
     text_ += "AreaLightSource \"diffuse\"" + color("L", 0.5, 20) + (chance(0.5) ? " \"bool twosided\" true" : "") + "\n";
     if (chance(0.3)) text_ += "ReverseOrientation\n";
     text_ += translate(p) + turn();
-    switch (below(4)) {
+    switch (below(5)) {
+      case 4:
+        text_ += fmt::format("Shape \"bilinearmesh\" \"point3 P\" [ 0 0 0  {0} 0 0  {1} {0} 0  {2} {0} 0 ]", length(0.9 * size),
+                             length(0.2 * size), length(1.1 * size)) +
+                 alpha;
+        break;
       case 0:
         text_ += "Shape \"sphere\" \"float radius\" " + length(size) + alpha;
         break;
@@ -245,7 +269,17 @@ class Generator {
     const auto intensity = [&] {
       return fmt::format(" \"rgb I\" [ {:.6g} {:.6g} {:.6g} ]", power * uniform(0.1, 5), power * uniform(0.1, 5), power * uniform(0.1, 5));
     };
-    switch (below(8)) {
+    switch (below(10)) {
+      case 8:
+      case 9: {
+        // A panel above all else.
+        const double s = uniform(0.3, 2), y = uniform(1.5, 2);
+        const DVec3 p[] = {{-s, y, -s}, {s, y, -s}, {s, y + 0.2, s}, {-s, y, s}};
+        text_ += "AttributeBegin\nAreaLightSource \"diffuse\"" + color("L", 0.5, 5) + (chance(0.3) ? " \"bool twosided\" true\n" : "\n");
+        text_ += fmt::format("Shape \"trianglemesh\" \"integer indices\" [ 0 1 2 0 2 3 ] \"point3 P\" [ {} {} {} {} ]\nAttributeEnd\n",
+                             at(p[0]), at(p[1]), at(p[2]), at(p[3]));
+        return;
+      }
       case 0:
         text_ += "LightSource \"point\"" + intensity() + " \"point3 from\" [ " +
                  at({uniform(-1.2, 1.2), uniform(-0.2, 1.4), uniform(-1.2, 1.2)}) + " ]\n";
@@ -271,6 +305,7 @@ class Generator {
 
   Stream random_;
   std::vector<DVec3> places_;
+  int mixes_ = 0;
   double scale_ = 1;
   DVec3 origin_{0};
   std::string around_, header_, text_;

@@ -2,7 +2,7 @@
 // formulas. What the checker of weights compares the renderer with; nothing here calls the renderer's lights or media.
 //
 // Lengths are those of render space. Left out, so that generated scenes must not have them: images, textures, partial
-// quadrics and transforms that shear, curved patches, instances, sums, clouds and sparse grids, nested boundaries.
+// quadrics and transforms that shear, curved patches, instances, clouds and sparse grids, nested boundaries.
 #pragma once
 
 #include <array>
@@ -33,6 +33,8 @@ class LightFormula {
 
   /// Per steradian at `from`, of sampling the point p of this primitive (delta lights: 1) in the direction wi. Throws TooNear.
   double pdf(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi) const;
+  /// Another part of the same shape lies between `from` and p, and lets nothing through.
+  bool hides(DVec3 from, uint32_t primitive, DVec3 p) const;
   /// What arrives at `from` from the point p in direction −wi if nothing is in the way; for a light sample, that is with
   /// the opacity of what emits.
   DVec3 radiance(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi, bool sampled) const;
@@ -42,9 +44,11 @@ class LightFormula {
 
   double triangle_pdf(const std::array<DVec3, 3>& corner, DVec3 from, DVec3 p) const;
   DVec3 normal(uint32_t primitive, DVec3 p) const;
+  /// The triangle that p was sampled from: the primitive, or the half of a patch. Throws TooNear.
+  const std::array<DVec3, 3>& triangle(uint32_t primitive, DVec3 p) const;
 
   Kind kind_ = Kind::kPoint;
-  bool bounded_ = true, delta_ = true, two_sided_ = false, flip_ = false;
+  bool bounded_ = true, delta_ = true, two_sided_ = false, flip_ = false, patch_ = false;
   DVec3 position_{0}, power_{0}, radiance_{0}, axis_{0, 0, 1};
   double cos_full_ = 1, cos_zero_ = 1, opacity_ = 1, radius_ = 1, area_ = 0;
   std::vector<std::array<DVec3, 3>> triangles_;
@@ -53,21 +57,28 @@ class LightFormula {
 class MediumFormula {
  public:
   MediumFormula(const MediumDescription& medium, const RenderSpace& space);
+  /// A sum.
+  explicit MediumFormula(std::vector<MediumFormula> parts);
 
-  bool is_homogeneous() const { return !grid_; }
+  bool is_homogeneous() const;
   bool scatters() const { return scatters_; }
   bool emits() const { return emits_; }
-  bool samples_emission() const { return emits_ && grid_; }
+  bool samples_emission() const;
   DVec3 sigma_t(DVec3 p) const { return sigma_a(p) + sigma_s(p); }
   DVec3 sigma_s(DVec3 p) const;
   DVec3 sigma_a(DVec3 p) const;
   DVec3 emission(DVec3 p) const;  ///< σa Le
-  const PhaseDescription& phase() const { return phase_; }
+  struct Phase {
+    DVec3 value;  ///< per channel
+    double pdf;
+  };
+  /// Per steradian.
+  Phase phase(DVec3 p, DVec3 wo, DVec3 wi) const;
   /// Over the box and the channels.
   double mean_sigma_t() const { return mean_; }
   /// The constant that stands for the rate of collisions.
   double typical_rate() const;
-  double emitted_power() const { return power_; }
+  double emitted_power() const;
   /// Per volume, of sampling p among the points that emit.
   double emission_pdf(DVec3 p) const;
 
@@ -81,6 +92,7 @@ class MediumFormula {
   static constexpr int kEdge = 4;  ///< of a brick, in cells
 
   DVec3 cell(DVec3 p) const { return DVec3(grid_->cell_from_render * glm::dvec4(p, 1)); }
+  double diagonal() const;
   DVec3 interpolate(const std::vector<DVec3>& voxels, DVec3 cell) const;
   DVec3 voxel(const std::vector<DVec3>& voxels, IVec3 v) const;
   void average();
@@ -93,6 +105,7 @@ class MediumFormula {
   double mean_ = 0, power_ = 0;
   IVec3 bricks_{0};
   std::vector<double> brick_pdf_;
+  std::vector<MediumFormula> parts_;
 };
 
 /// A closed boundary with a medium inside, apart from all others.
