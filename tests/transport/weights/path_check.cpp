@@ -63,6 +63,7 @@ void CheckReport::add(const CheckReport& o) {
   value_deviation = std::max(value_deviation, o.value_deviation);
   worst = std::max(worst, o.worst);
   failed += o.failed;
+  failed_weights += o.failed_weights;
   for (const std::string& f : o.failures)
     if (failures.size() < kMostFailures) failures.push_back(f);
 }
@@ -305,7 +306,8 @@ void PathCheck::check_contribution(const LightAdded& e, const LastVertex& vertex
   const std::string name = kNames[static_cast<size_t>(e.technique)];
   const double off = std::abs(e.weight - weight), sum_off = std::abs(w.sum() - weight + e.weight - 1);
   if (!(density > 0)) fail("light by " + name + ", which could not have made this path");
-  if (off > weight_allowed || sum_off > weight_allowed + 1e-12) {
+  if (!(off <= weight_allowed && sum_off <= weight_allowed + 1e-12)) {
+    ++report_->failed_weights;
     fail(fmt::format(
         "the weight of {} is {:.7g}, expected {:.7g} (the others are {:.7g}, so that they sum to {:.7g}); rounding allows {:.2g}; "
         "after {} scatterings, the last one {}",
@@ -359,16 +361,18 @@ void PathCheck::check_value(const LightAdded& e, const LastVertex& vertex, const
     fail("light is sampled at " + text(end.p) + " through another part of what emits it, from " + text(vertex.p));
   const std::optional<DVec3> f = scattering_value(scene_, vertex, end.wi);
   if (!f) return;  // of a layered model: an estimate of its own
-  for (int way = 0; way < 4; ++way) {
+  const double length = std::isfinite(e.distance) ? e.distance : 1e30;
+  auto way = scene_.way(vertex.p, end.wi, length);
+  for (int i = 0; i < 4; ++i) {
     LastVertex v = vertex;
     LightEnd n = end;
-    nudge(way, v, n);
+    nudge(i, v, n);
+    if (way) slack += 2 * std::abs(scene_.way(v.p, n.wi, length).value_or(*way).depth - way->depth);
     slack += 2 * largest(scattering_value(scene_, v, n.wi).value_or(DVec3(0)) - *f) / largest(*f);
   }
   DVec3 value = *f * radiance, transmittance = e.transmittance;
   if (e.technique == Technique::kEquiangular) value *= scene_.medium(vertex.medium).sigma_s(vertex.p);
   // The way to the light in closed form, where it has one.
-  auto way = scene_.way(vertex.p, end.wi, std::isfinite(e.distance) ? e.distance : 1e30);
   if (way && e.technique == Technique::kEquiangular) {
     const MediumFormula& medium = scene_.medium(vertex.medium);
     if (medium.is_homogeneous()) {

@@ -25,6 +25,7 @@ struct CheckReport {
   double value_deviation = 0;                        ///< ... of a value
   double worst = 0;                                  ///< largest difference of any kind over what rounding allows
   int64_t failed = 0;
+  int64_t failed_weights = 0;         ///< of these, weights
   std::vector<std::string> failures;  ///< the first few
 
   int64_t total() const;

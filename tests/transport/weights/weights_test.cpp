@@ -18,8 +18,8 @@ TEST(N69_Weights, sum_to_one_on_every_path_of_random_scenes) {
     std::puts(random_scene(std::strtoull(seed, nullptr, 10)).c_str());
     report = check_random_scene(std::strtoull(seed, nullptr, 10), 1000);
   } else {
-    for (uint64_t i = 1; i <= 72; ++i) report.add(check_random_scene(i, 400));
-    EXPECT_GT(report.total(), 40000);
+    for (uint64_t i = 1; i <= 216; ++i) report.add(check_random_scene(i, 500));
+    EXPECT_GT(report.total(), 150000);
     for (const int64_t n : report.contributions) EXPECT_GT(n, 500);
   }
   std::puts(describe(report).c_str());
