@@ -292,7 +292,7 @@ void PathCheck::see(const LightAdded& e) {
 void PathCheck::check_contribution(const LightAdded& e, const LastVertex& vertex, const LightEnd& end) {
   const Densities d = densities(scene_, techniques_, vertex, end), w = d.weights(techniques_.mis);
   const double density = chosen(e.technique, d), weight = chosen(e.technique, w);
-  double weight_allowed = 3e-5, density_allowed = 3e-5;
+  double weight_allowed = 1e-9 + 3e-5 * weight, density_allowed = 3e-5;
   for (int way = 0; way < 4; ++way) {
     LastVertex v = vertex;
     LightEnd n = end;

@@ -195,6 +195,14 @@ class Generator {
     }
   }
 
+  std::string box(DVec3 lower, DVec3 upper) const {
+    std::string points;
+    for (int i = 0; i < 8; ++i) points += at(glm::mix(lower, upper, DVec3(i & 1, (i >> 1) & 1, i >> 2))) + " ";
+    return "Shape \"trianglemesh\" \"integer indices\" [ 0 2 1 1 2 3  4 5 6 5 7 6  0 1 4 1 5 4  2 6 3 3 6 7  0 4 2 2 4 6  1 3 5 3 7 5 ] "
+           "\"point3 P\" [" +
+           points + "]\n";
+  }
+
   void body() {
     if (places_.size() < 3) return;
     const DVec3 p = place();
@@ -218,16 +226,17 @@ class Generator {
                    : "Material \"interface\"\n";
     text_ += "MediumInterface \"" + name + "\" \"" + around_ + "\"\n";
     if (cube) {
-      std::string points;
-      for (int i = 0; i < 8; ++i) points += at(p + half * DVec3((i & 1) != 0 ? 1 : -1, (i & 2) != 0 ? 1 : -1, (i & 4) != 0 ? 1 : -1)) + " ";
-      text_ +=
-          "Shape \"trianglemesh\" \"integer indices\" [ 0 2 1 1 2 3  4 5 6 5 7 6  0 1 4 1 5 4  2 6 3 3 6 7  0 4 2 2 4 6  1 3 5 3 7 5 ] "
-          "\"point3 P\" [" +
-          points + " ]\n";
+      text_ += box(p - half, p + half);
     } else {
       text_ += translate(p) + "Shape \"sphere\" \"float radius\" " + length(size) + "\n";
     }
     text_ += "AttributeEnd\n";
+    if (cube && !glass && chance(0.4)) {
+      // Another with a face in common.
+      text_ += homogeneous(name + "n", depth, chance(0.25)) + "AttributeBegin\nMaterial \"interface\"\n";
+      text_ += fmt::format("MediumInterface \"{}n\" \"{}\"\n", name, around_);
+      text_ += box(p + DVec3(half, -half, -half), p + DVec3(1.4 * half, half, half)) + "AttributeEnd\n";
+    }
     if (chance(0.3)) shape_light(p, 0.3 * half, name);
   }
 

@@ -20,50 +20,115 @@ uint32_t possible_effects(const World& world) {
   return effects;
 }
 
+/// A random scene or another, compiled, and what runs its paths.
+struct CheckedScene {
+  SceneDescription description;
+  std::unique_ptr<const World> world;
+  PathSettings settings;
+  SceneFormulas formulas;
+  PathCounters count{};
+
+  CheckedScene(const std::string& text, const PathSettings& given, bool force_effects)
+      : description(read_scene_text(text, "random.pbrt", ".", {})),
+        world(build(description, force_effects)),
+        settings(given),
+        formulas(description, *world) {
+    settings.max_depth = description.settings.max_depth;
+  }
+
+  static std::unique_ptr<const World> build(const SceneDescription& description, bool force_effects) {
+    std::unique_ptr<const World> world = build_world(description);
+    // build_world() makes an object that is not const.
+    if (force_effects) const_cast<World&>(*world).effects |= possible_effects(*world);
+    return world;
+  }
+
+  struct Start {
+    PathKey key;
+    Ray ray;
+  };
+  /// Paths are spread over the pixels.
+  Start start(int path) const {
+    const int width = description.film.x_resolution, height = description.film.y_resolution;
+    const int pixel = static_cast<int>((static_cast<int64_t>(path) * 97) % (width * height)), x = pixel % width, y = pixel / width;
+    const PathKey key = path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(path), 0,
+                                 settings.features.has(Feature::kSobol));
+    return {key, camera_sample(*world, key, x, y).ray};
+  }
+
+  PathResult record(int path, PathRecord& record) {
+    const Start s = start(path);
+    return record_path(*world, settings, s.ray, s.key, count, record);
+  }
+};
+
+PathSettings path_settings(const RandomSettings& random, uint64_t seed) {
+  PathSettings settings;
+  settings.frame_seed = frame_seed(seed, 0);
+  settings.features = random.features;
+  settings.plan = random.plan;
+  return settings;
+}
+
 }  // namespace
 
 CheckReport check_scene(const std::string& text, PathSettings settings, bool force_effects, int paths, const std::string& name) {
-  const SceneDescription description = read_scene_text(text, "random.pbrt", ".", {});
-  const std::unique_ptr<const World> built = build_world(description);
-  // Made by build_world() as an object that is not const.
-  World& world = const_cast<World&>(*built);
-  if (force_effects) world.effects |= possible_effects(world);
-  settings.max_depth = description.settings.max_depth;
-  const SceneFormulas formulas(description, world);
-  PathCheck check(formulas, settings, world.effects);
+  CheckedScene scene(text, settings, force_effects);
+  PathCheck check(scene.formulas, scene.settings, scene.world->effects);
   CheckReport report;
-  PathCounters count, shipped_count;
+  PathCounters shipped_count;
   PathRecord record;
-  const int width = description.film.x_resolution, height = description.film.y_resolution;
   for (int i = 0; i < paths; ++i) {
-    // Spread over the pixels.
-    const int pixel = static_cast<int>((static_cast<int64_t>(i) * 97) % (width * height)), x = pixel % width, y = pixel / width;
-    const PathKey key = path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i), 0,
-                                 settings.features.has(Feature::kSobol));
-    const CameraSample camera = camera_sample(world, key, x, y);
-    const PathResult result = record_path(world, settings, camera.ray, key, count, record);
+    const PathResult result = scene.record(i, record);
     const std::string path_name = fmt::format("{}, path {}", name, i);
     check.check(record, path_name, report);
+    if (i % 16 != 0) continue;
     // What is recorded is what is rendered.
-    if (i % 16 == 0 && trace_path(world, settings, camera.ray, key, shipped_count).radiance != result.radiance) {
-      ++report.failed;
-      report.failures.push_back(path_name + ": the recording kernel gives another radiance than the one that users run");
-    }
+    const CheckedScene::Start start = scene.start(i);
+    if (trace_path(*scene.world, scene.settings, start.ray, start.key, shipped_count).radiance == result.radiance) continue;
+    ++report.failed;
+    report.failures.push_back(path_name + ": the recording kernel gives another radiance than the one that users run");
   }
-  if (count.truncated != 0 || count.majorant_violations != 0) {
+  if (scene.count.truncated != 0 || scene.count.majorant_violations != 0) {
     ++report.failed;
     report.failures.push_back(name + ": paths were cut off or bounds violated");
   }
   return report;
 }
 
+Tampering check_tampered_scene(uint64_t seed, int paths) {
+  const RandomSettings random = random_settings(seed);
+  CheckedScene scene(random_scene(seed), path_settings(random, seed), random.force_effects);
+  PathCheck check(scene.formulas, scene.settings, scene.world->effects);
+  Tampering result;
+  PathRecord record;
+  constexpr double kWrong = 1 - 1.0 / 500;
+  for (int i = 0; i < paths; ++i) {
+    scene.record(i, record);
+    CheckReport right;
+    check.check(record, "as it was", right);
+    int kind = i;
+    for (PathEvent& event : record) {
+      auto* added = std::get_if<LightAdded>(&event);
+      if (added == nullptr || added->weight == 0 || added->technique == Technique::kSegment) continue;
+      const LightAdded was = *added;
+      ++kind;
+      if (kind % 3 == 0) added->weight *= kWrong;
+      if (kind % 3 == 1) (added->density > 0 ? added->density : added->weight) *= kWrong;
+      if (kind % 3 == 2) added->added *= kWrong;
+      CheckReport wrong;
+      check.check(record, "changed", wrong);
+      ++result.changed;
+      result.noticed += wrong.failed > right.failed;
+      *added = was;
+    }
+  }
+  return result;
+}
+
 CheckReport check_random_scene(uint64_t seed, int paths) {
   const RandomSettings random = random_settings(seed);
-  PathSettings settings;
-  settings.frame_seed = frame_seed(seed, 0);
-  settings.features = random.features;
-  settings.plan = random.plan;
-  return check_scene(random_scene(seed), settings, random.force_effects, paths,
+  return check_scene(random_scene(seed), path_settings(random, seed), random.force_effects, paths,
                      fmt::format("scene {}{}{}", seed, random.name, random.force_effects ? " (all techniques)" : ""));
 }
 

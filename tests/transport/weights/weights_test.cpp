@@ -27,5 +27,17 @@ TEST(N69_Weights, sum_to_one_on_every_path_of_random_scenes) {
   EXPECT_LT(report.too_near, report.total() / 500 + 10);
 }
 
+/// Where two lights or depths are near a threshold, or a vertex is near a light, rounding may be more than what was changed.
+TEST(N69_Weights, that_are_off_by_a_five_hundredth_are_noticed) {
+  Tampering all;
+  for (uint64_t i = 1; i <= 24; ++i) {
+    const Tampering t = check_tampered_scene(i, 40);
+    all.changed += t.changed;
+    all.noticed += t.noticed;
+  }
+  EXPECT_GT(all.changed, 1000);
+  EXPECT_GT(static_cast<double>(all.noticed), 0.9 * static_cast<double>(all.changed)) << all.noticed << " of " << all.changed;
+}
+
 }  // namespace
 }  // namespace woodcock::testing
