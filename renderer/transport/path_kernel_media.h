@@ -19,7 +19,7 @@ template <uint32_t kMask>
 std::optional<double> PathKernel<kMask>::fly_homogeneous(const MediumPoint& m, bool chromatic, double t_max) {
   if (uses(kVolumeEmission) && !is_black(m.emission)) {
     add(segment_emission(m.emission, m.sigma_t, t_max),
-        [&] { return LightAdded{.technique = Technique::kSegment, .source = medium_, .distance = t_max}; });
+        [&] { return LightAdded{.technique = Technique::kSegment, .source = medium_, .length = t_max}; });
   }
   if (!uses(kVolumeScattering) || is_black(m.sigma_s) || !may_scatter()) {
     beta_ *= attenuation(m.sigma_t, t_max);

@@ -62,7 +62,7 @@ struct LightAdded {
   uint32_t primitive = 0;  ///< of an area light
   DVec3 from{0}, wi{0};    ///< the vertex it is scattered at and the direction towards the light
   DVec3 p{0};              ///< on the light
-  double distance = 0;     ///< from the vertex to p
+  double length = 0;       ///< of a segment
   double t = 0;            ///< of an equiangular distance
   DVec3 transmittance{1};  ///< as estimated on all that was not the path's before
   DVec3 source_radiance{0};

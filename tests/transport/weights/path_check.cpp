@@ -252,7 +252,7 @@ void PathCheck::see(const LightAdded& e) {
     const MediumFormula& medium = scene_.medium(segment_.medium);
     const DVec3 j = medium.emission(segment_.o), sigma = medium.sigma_t(segment_.o);
     DVec3 emitted;
-    for (int c = 0; c < 3; ++c) emitted[c] = sigma[c] > 0 ? j[c] * -std::expm1(-sigma[c] * std::min(e.distance, 1e30)) / sigma[c] : 0;
+    for (int c = 0; c < 3; ++c) emitted[c] = sigma[c] > 0 ? j[c] * -std::expm1(-sigma[c] * std::min(e.length, 1e30)) / sigma[c] : 0;
     compare("the emission of a segment", e.added, so_far_.beta() * emitted, so_far_.slack, &report_->value_deviation);
     return;
   }
@@ -361,7 +361,9 @@ void PathCheck::check_value(const LightAdded& e, const LastVertex& vertex, const
     fail("light is sampled at " + text(end.p) + " through another part of what emits it, from " + text(vertex.p));
   const std::optional<DVec3> f = scattering_value(scene_, vertex, end.wi);
   if (!f) return;  // of a layered model: an estimate of its own
-  const double length = std::isfinite(e.distance) ? e.distance : 1e30;
+  const bool bounded =
+      end.kind == LightEnd::Kind::kEmission || (end.kind == LightEnd::Kind::kShape && scene_.light(end.source).is_bounded());
+  const double length = bounded ? glm::distance(end.p, vertex.p) : 1e30;
   auto way = scene_.way(vertex.p, end.wi, length);
   for (int i = 0; i < 4; ++i) {
     LastVertex v = vertex;
