@@ -225,7 +225,10 @@ DVec3 LightFormula::radiance(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi, 
     default:
       break;
   }
-  if (!two_sided_ && glm::dot(normal(primitive, p), wi) > 0) return DVec3(0);
+  // Along a surface rounding says which side is seen; next to nothing comes from there.
+  const double side = glm::dot(normal(primitive, p), wi);
+  if (!two_sided_ && std::abs(side) < 1e-6) throw TooNear{};
+  if (!two_sided_ && side > 0) return DVec3(0);
   // What is sampled is seen through the opacity; a ray meets it with that probability. All of it where no ray does.
   return sampled && opacity_ > 0 ? radiance_ * opacity_ : radiance_;
 }

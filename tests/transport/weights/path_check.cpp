@@ -81,6 +81,7 @@ void PathCheck::check(const PathRecord& record, const std::string& name, CheckRe
   eta_scale_ = 1;
   scatterings_ = 0;
   for (const PathEvent& event : record) {
+    added_ = std::get_if<LightAdded>(&event);
     try {
       if (!std::holds_alternative<RouletteSurvived>(event)) settle_roulette();
       std::visit([&](const auto& e) { see(e); }, event);
@@ -92,7 +93,11 @@ void PathCheck::check(const PathRecord& record, const std::string& name, CheckRe
 
 void PathCheck::fail(const std::string& what) {
   ++report_->failed;
-  if (report_->failures.size() < kMostFailures) report_->failures.push_back(name_ + ": " + what);
+  if (report_->failures.size() >= kMostFailures) return;
+  report_->failures.push_back(name_ + ": " + what);
+  if (added_ != nullptr)
+    report_->failures.back() += fmt::format(" ({} {}, from {} to {} along {})", kNames[static_cast<size_t>(added_->technique)],
+                                            added_->source, text(added_->from), text(added_->p), text(added_->wi));
 }
 
 void PathCheck::compare(const char* what, double found, double expected, double allowed, double* deviation) {

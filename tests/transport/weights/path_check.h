@@ -73,6 +73,7 @@ class PathCheck {
   const Techniques techniques_;
   std::string name_;
   CheckReport* report_ = nullptr;
+  const LightAdded* added_ = nullptr;  ///< that is looked at
   Throughput so_far_;
   LastVertex vertex_;
   SegmentStarts segment_{};
