@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "renderer/core/frame.h"
 #include "renderer/media/extent.h"
@@ -15,6 +16,7 @@
 #include "renderer/transport/kernels.h"
 #include "renderer/transport/mis.h"
 #include "renderer/transport/path.h"
+#include "renderer/transport/path_record.h"
 #include "renderer/transport/tentative_collisions.h"
 #include "renderer/transport/transmittance.h"
 #include "renderer/transport/vertex.h"
@@ -58,7 +60,11 @@ class PathKernel {
     begin_segment();
   }
 
+  /// Where the next run is recorded; in recording kernels only.
+  void record(PathRecord& record) requires((kMask & kRecorded) != 0) { record_ = &record; }
+
   PathResult run() {
+    note([&] { return PathStarts{beta_}; });
     int crossings = 0;
     while (true) {
       if (++crossings > kMaxCrossings) {
@@ -81,6 +87,7 @@ class PathKernel {
       if (uses(kMedia) && medium_ != kNone) {
         const auto t = fly(hit ? hit->t : static_cast<double>(kInf));
         if (ended_) break;
+        note([&] { return SegmentEnds{t, beta_}; });
         if (t) {
           if (!scatter_in_medium(*t, point_before(world_, ray_, *t, hit, uses(kTouching)))) break;
           crossings = 0;
@@ -107,7 +114,23 @@ class PathKernel {
   /// Whether any of these effects is compiled in and planned.
   bool uses(uint32_t effects) const { return (kMask & effects) != 0 && (effects_ & effects) != 0; }
 
-  void add(Rgb radiance) { result_.radiance += beta_ * radiance; }
+  /// Tells a test what happened; nothing at all in the kernels that users run.
+  template <typename Event>
+  void note(Event&& event) {
+    if constexpr ((kMask & kRecorded) != 0) record_->push_back(event());
+  }
+
+  /// Adds light that arrives at the last vertex; `facts` are a LightAdded.
+  template <typename Facts>
+  void add(Rgb radiance, Facts&& facts) {
+    note([&] {
+      LightAdded added = facts();
+      added.beta = beta_;
+      added.added = DVec3(beta_) * DVec3(radiance);
+      return added;
+    });
+    result_.radiance += beta_ * radiance;
+  }
 
   /// New numbers for the flight from the current vertex; they go on across interfaces.
   void begin_segment() {
@@ -125,6 +148,7 @@ class PathKernel {
   /// the throughput updated, or nothing when the ray gets through.
   std::optional<double> fly(double t_max) {
     const Medium& medium = world_.media[medium_];
+    note([&] { return SegmentStarts{ray_.o, ray_.d, t_max, medium_, beta_}; });
     if (uses(kEquiangular)) {
       this_flight_ = {ray_, t_max, 0, medium_, shares()};
       if (vertex_ < kEquiangularVertices && medium.scatters() && may_scatter()) sample_equiangular(medium, t_max);
@@ -259,10 +283,13 @@ class PathKernel {
       return pass(s, member);
     if (info.light != kNone) add_emission(hit, s, info.light);
     if (uses(kSurfaces) && !info.is_interface) {
-      if (!uses(kGeneralSurfaces))
+      if (!uses(kGeneralSurfaces)) {
+        note([&] { return SurfaceScatters{s.p, -ray_.d, s.ng, s.ns, s.dpdu, info.material}; });
         return scatter_at_surface(s, info, world_.materials.diffuse(info.material, context), s.ns, member, kNone);
+      }
       const int material = world_.materials.resolve(info.material, context, crossing_);
       if (auto bsdf = world_.materials.bsdf(material, context, crossing_)) {
+        note([&] { return SurfaceScatters{s.p, -ray_.d, s.ng, s.ns, s.dpdu, material}; });
         const int joined = uses(kTouching) && here_ ? join_dielectrics(world_, *here_, member, ray_.d, medium_, crossing_, *bsdf) : kNone;
         return scatter_at_surface(s, info, *bsdf, world_.materials.shading_normal(material, context, {s.ns, s.dpdu, s.dpdv}), member,
                                   joined);
@@ -312,6 +339,7 @@ class PathKernel {
     leave(member, wi, joined, sample->transmission);
     ray_ = ray_towards(s, wi);
     direction_pdf_ = sample->specular ? 0 : sample->pdf;
+    note([&] { return DirectionTaken{wi, direction_pdf_, beta_}; });
     after_scattering(s.p);
     return survives_roulette();
   }
@@ -438,6 +466,7 @@ class PathKernel {
     if (q >= 1) return true;
     if (!(q > 0) || stream(key_, vertex_, Purpose::kRoulette).uniform_double() >= static_cast<double>(q)) return false;
     beta_ /= q;
+    note([&] { return RouletteSurvived{q, beta_}; });
     return true;
   }
 
@@ -468,6 +497,9 @@ class PathKernel {
   bool first_seen_ = false;
   bool ended_ = false;
   bool stopped_ = false;
+
+  struct NoRecord {};
+  [[no_unique_address]] std::conditional_t<(kMask & kRecorded) != 0, PathRecord*, NoRecord> record_{};
 };
 
 }  // namespace woodcock

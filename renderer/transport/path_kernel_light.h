@@ -25,7 +25,18 @@ void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
   const float light_pdf = choice->pmf * light->pdf;
   const float mis =
       with_mis() ? power_heuristic(light_pdf, light->delta ? 0 : scattered.pdf, equiangular_odds(choice->light) * light->pdf) : 1;
-  add(scattered.value * light->radiance * transmittance * (mis / light_pdf));
+  add(scattered.value * light->radiance * transmittance * (mis / light_pdf), [&] {
+    return LightAdded{.technique = Technique::kLightSample,
+                      .source = choice->light,
+                      .primitive = light->target.primitive,
+                      .from = reference,
+                      .wi = light->wi,
+                      .p = light->p,
+                      .transmittance = transmittance,
+                      .source_radiance = light->radiance,
+                      .density = light_pdf,
+                      .weight = mis};
+  });
 }
 
 template <uint32_t kMask>
@@ -55,7 +66,17 @@ void PathKernel<kMask>::sample_emission(DVec3 reference, Evaluate&& evaluate) {
   const Shadow found = shadow(scattered.shadow, distance, scattered.medium, {}, random);
   if (found.medium != chosen || is_black(found.transmittance)) return;
   const float mis = power_heuristic(density, scattered.pdf * typical_rate(medium));
-  add(scattered.value * emission * found.transmittance * (mis / density));
+  add(scattered.value * emission * found.transmittance * (mis / density), [&] {
+    return LightAdded{.technique = Technique::kEmissionSample,
+                      .source = chosen,
+                      .from = reference,
+                      .wi = glm::normalize(brick.p - reference),
+                      .p = brick.p,
+                      .transmittance = found.transmittance,
+                      .source_radiance = emission,
+                      .density = density,
+                      .weight = mis};
+  });
 }
 
 template <uint32_t kMask>
@@ -68,7 +89,16 @@ void PathKernel<kMask>::add_emission(const Hit& hit, const SurfacePoint& s, int 
     const float light_pdf = world_.lights.pdf(light, reference_, emitter, ray_.d), sampled = world_.lights.pmf(light) * light_pdf;
     mis = with_mis() ? power_heuristic(direction_pdf_, sampled, equiangular_odds(light) * light_pdf) : sampled > 0 ? 0 : 1;
   }
-  add(radiance * mis);
+  add(radiance * mis, [&] {
+    return LightAdded{.technique = Technique::kScattering,
+                      .source = light,
+                      .primitive = hit.primitive,
+                      .from = reference_,
+                      .wi = ray_.d,
+                      .p = s.p,
+                      .source_radiance = radiance,
+                      .weight = mis};
+  });
 }
 
 template <uint32_t kMask>
@@ -79,7 +109,10 @@ void PathKernel<kMask>::add_environment() {
     const float sampled = world_.lights.environment_pdf(ray_.d);
     mis = with_mis() ? power_heuristic(direction_pdf_, sampled) : sampled > 0 ? 0 : 1;
   }
-  add(world_.lights.environment(ray_.d) * mis);
+  const Rgb radiance = world_.lights.environment(ray_.d);
+  add(radiance * mis, [&] {
+    return LightAdded{.technique = Technique::kEnvironment, .from = reference_, .wi = ray_.d, .source_radiance = radiance, .weight = mis};
+  });
 }
 
 template <uint32_t kMask>
@@ -110,7 +143,19 @@ void PathKernel<kMask>::sample_equiangular(const Medium& medium, double t_max) {
   const float density = pdf * choice->pmf * light->pdf, flown = flight_density(medium, shares(), t);
   const float mis =
       power_heuristic(density, flown * world_.lights.pmf(choice->light) * light->pdf, light->delta ? 0 : flown * phase.pdf(wo, light->wi));
-  add(m.sigma_s * phase.eval(wo, light->wi) * light->radiance * to_point * to_light * (mis / density));
+  add(m.sigma_s * phase.eval(wo, light->wi) * light->radiance * to_point * to_light * (mis / density), [&] {
+    return LightAdded{.technique = Technique::kEquiangular,
+                      .source = choice->light,
+                      .primitive = light->target.primitive,
+                      .from = p,
+                      .wi = light->wi,
+                      .p = light->p,
+                      .t = t,
+                      .transmittance = to_point * to_light,
+                      .source_radiance = light->radiance,
+                      .density = density,
+                      .weight = mis};
+  });
 }
 
 template <uint32_t kMask>

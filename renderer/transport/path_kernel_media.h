@@ -17,7 +17,10 @@ inline Rgb segment_emission(Rgb j, Rgb sigma, double t) {
 
 template <uint32_t kMask>
 std::optional<double> PathKernel<kMask>::fly_homogeneous(const MediumPoint& m, bool chromatic, double t_max) {
-  if (uses(kVolumeEmission) && !is_black(m.emission)) add(segment_emission(m.emission, m.sigma_t, t_max));
+  if (uses(kVolumeEmission) && !is_black(m.emission)) {
+    add(segment_emission(m.emission, m.sigma_t, t_max),
+        [&] { return LightAdded{.technique = Technique::kSegment, .source = medium_, .length = t_max}; });
+  }
   if (!uses(kVolumeScattering) || is_black(m.sigma_s) || !may_scatter()) {
     beta_ *= attenuation(m.sigma_t, t_max);
     ended_ = is_black(beta_);
@@ -144,7 +147,15 @@ void PathKernel<kMask>::add_volume_emission(const Medium& medium, Rgb radiance, 
         world_.emissive_pmf(medium_) * medium.emission_bricks()->pdf(p) * static_cast<float>(length_squared(p - reference_));
     mis = power_heuristic(direction_pdf_ * typical_rate(medium), sampled);
   }
-  add(radiance * mis);
+  add(radiance * mis, [&] {
+    return LightAdded{.technique = Technique::kCollision,
+                      .source = medium_,
+                      .from = reference_,
+                      .wi = ray_.d,
+                      .p = p,
+                      .source_radiance = radiance,
+                      .weight = mis};
+  });
 }
 
 template <uint32_t kMask>
@@ -162,6 +173,7 @@ bool PathKernel<kMask>::scatter_in_medium(double t, DVec3 p) {
   next_vertex();
   const PhaseMix phase = medium.phase_at(p);
   const Vec3 wo(-ray_.d);
+  note([&] { return MediumScatters{p, wo, t, medium_}; });
 
   sample_lights(p, [&](Vec3 wi, Scattered& scattered) {
     scattered = {phase.eval(wo, wi), phase.pdf(wo, wi), {p, wi, ray_.time}, medium_};
@@ -173,6 +185,7 @@ bool PathKernel<kMask>::scatter_in_medium(double t, DVec3 p) {
   ray_ = {p, sample.wi, ray_.time};
   beta_ *= sample.weight;
   direction_pdf_ = sample.pdf;
+  note([&] { return DirectionTaken{sample.wi, sample.pdf, beta_}; });
   after_scattering(p);
   return survives_roulette();
 }

@@ -1,0 +1,94 @@
+#include "tests/transport/weights/complete_path.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "renderer/world/effects.h"
+
+namespace woodcock::testing {
+
+Techniques::Techniques(uint32_t effects, const PathSettings& settings) {
+  const Features& on = settings.features;
+  mis = on.has(Feature::kMis);
+  light_sampling = on.has(Feature::kLightSampling) && (!settings.plan || (effects & kLightSampling) != 0);
+  // Both find light again that others find, so without weights they are not used; without a plan they are not either.
+  equiangular = mis && settings.plan && light_sampling && on.has(Feature::kEquiangular) && (effects & kEquiangular) != 0;
+  emission_sampling = mis && settings.plan && on.has(Feature::kEmissionSampling) && (effects & kEmissionSampling) != 0;
+}
+
+Densities Densities::weights(bool mis) const {
+  if (!mis) return light_sample > 0 ? Densities{0, 1, 0, 0} : Densities{1, 0, 0, 0};
+  // Relative to the largest, so that squares stay finite.
+  const double largest = std::max({scattering, light_sample, equiangular, emission_sample});
+  const auto square = [&](double p) { return (p / largest) * (p / largest); };
+  const double all = square(scattering) + square(light_sample) + square(equiangular) + square(emission_sample);
+  return {square(scattering) / all, square(light_sample) / all, square(equiangular) / all, square(emission_sample) / all};
+}
+
+std::optional<DVec3> scattering_value(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi) {
+  if (vertex.kind == LastVertex::Kind::kSurface)
+    return scatter(scene.material(vertex.material), vertex.local(vertex.wo), vertex.local(wi)).value;
+  return scene.medium(vertex.medium).phase(vertex.p, vertex.wo, wi).value;
+}
+
+double scattering_pdf(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi) {
+  if (vertex.kind == LastVertex::Kind::kSurface)
+    return scatter(scene.material(vertex.material), vertex.local(vertex.wo), vertex.local(wi)).pdf;
+  return scene.medium(vertex.medium).phase(vertex.p, vertex.wo, wi).pdf;
+}
+
+double flight_pdf(const MediumFormula& medium, DVec3 share, DVec3 p, double t) {
+  const auto exponential = [&](double sigma) { return sigma * std::exp(-sigma * t); };
+  if (!medium.is_homogeneous()) return exponential(medium.mean_sigma_t());
+  const DVec3 sigma = medium.sigma_t(p);
+  double sum = 0;
+  for (int c = 0; c < 3; ++c) sum += share[c] * exponential(sigma[c]);
+  return sum;
+}
+
+double equiangular_pdf(const SceneFormulas& scene, const Techniques& techniques, const LastVertex& vertex, int light) {
+  // Only a scattering in a medium, one of the first three, has a distance that could have been drawn so.
+  if (!techniques.equiangular || vertex.kind != LastVertex::Kind::kMedium || vertex.scatterings_before >= 3) return 0;
+  if (!(scene.bounded_pmf(light) > 0)) return 0;
+  const DVec3 to = scene.light(light).position() - vertex.o;
+  const double free_paths = scene.medium(vertex.medium).mean_sigma_t() * glm::length(to);
+  const double closest = glm::dot(to, vertex.d), height = std::max(glm::length(to - closest * vertex.d), 1e-6 * glm::length(to));
+  const double from = std::atan(-closest / height);
+  const double angle = (std::isfinite(vertex.t_max) ? std::atan((vertex.t_max - closest) / height) : std::numbers::pi / 2) - from;
+  // Used for lights within 4 mean free paths that see the way under at least 0.8 radians.
+  if (std::abs(free_paths - 4) < 1e-4 || std::abs(angle - 0.8) < 1e-4) throw TooNear{};
+  if (free_paths > 4 || angle < 0.8) return 0;
+  const double x = vertex.t - closest;
+  return scene.bounded_pmf(light) * height / (angle * (height * height + x * x));
+}
+
+Densities densities(const SceneFormulas& scene, const Techniques& techniques, const LastVertex& vertex, const LightEnd& end) {
+  // What the camera sees, and what a delta lobe leads to, is found in one way.
+  if (vertex.kind == LastVertex::Kind::kCamera || end.by_delta_lobe) return {1, 0, 0, 0};
+  const bool samples = vertex.kind == LastVertex::Kind::kMedium || !is_delta(scene.material(vertex.material));
+  Densities all;
+  all.scattering = scattering_pdf(scene, vertex, end.wi);
+  if (end.kind == LightEnd::Kind::kEmission) {
+    const MediumFormula& medium = scene.medium(end.source);
+    all.scattering *= medium.typical_rate();
+    const DVec3 to = end.p - vertex.p;
+    if (samples && techniques.emission_sampling && medium.samples_emission())
+      all.emission_sample = scene.emissive_pmf(end.source) * medium.emission_pdf(end.p) * glm::dot(to, to);
+    return all;
+  }
+  const double flown =
+      vertex.kind == LastVertex::Kind::kMedium ? flight_pdf(scene.medium(vertex.medium), vertex.share, vertex.p, vertex.t) : 1;
+  all.scattering *= flown;
+  if (end.kind == LightEnd::Kind::kEnvironment) {
+    if (samples && techniques.light_sampling) all.light_sample = flown * scene.environment_pdf();
+    return all;
+  }
+  const LightFormula& light = scene.light(end.source);
+  if (light.is_delta()) all.scattering = 0;
+  const double to_light = light.pdf(vertex.p, end.primitive, end.p, end.wi);
+  if (samples && techniques.light_sampling) all.light_sample = flown * scene.pmf(end.source) * to_light;
+  if (to_light > 0) all.equiangular = equiangular_pdf(scene, techniques, vertex, end.source) * to_light;
+  return all;
+}
+
+}  // namespace woodcock::testing

@@ -1,0 +1,236 @@
+// Lights on shapes and elsewhere, from their formulas.
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "tests/transport/weights/scene_formulas.h"
+
+namespace woodcock::testing {
+namespace {
+
+constexpr double kPiD = std::numbers::pi;
+
+DVec3 point(const DMat4& m, DVec3 p) { return DVec3(m * glm::dvec4(p, 1)); }
+DVec3 vector(const DMat4& m, DVec3 v) { return glm::dmat3(m) * v; }
+double cosine_of_degrees(double a) { return std::cos(a * kPiD / 180); }
+
+double area(const std::array<DVec3, 3>& c) { return glm::length(glm::cross(c[1] - c[0], c[2] - c[0])) / 2; }
+
+/// l'Huilier's theorem.
+double solid_angle(const std::array<DVec3, 3>& corner, DVec3 from) {
+  std::array<DVec3, 3> w;
+  for (size_t i = 0; i < 3; ++i) w[i] = glm::normalize(corner[i] - from);
+  const auto side = [&](size_t i, size_t j) { return 2 * std::asin(std::min(1.0, glm::length(w[i] - w[j]) / 2)); };
+  const double a = side(1, 2), b = side(2, 0), c = side(0, 1), s = (a + b + c) / 2;
+  const double t = std::tan(s / 2) * std::tan((s - a) / 2) * std::tan((s - b) / 2) * std::tan((s - c) / 2);
+  return 4 * std::atan(std::sqrt(std::max(t, 0.0)));
+}
+
+}  // namespace
+
+LightFormula::LightFormula(const LightDescription& light, const RenderSpace& space, double scene_radius) {
+  const DMat4 to_render = space.render_from_world * light.world_from_light;
+  if (const auto* l = std::get_if<PointLightDescription>(&light.kind)) {
+    kind_ = Kind::kPoint;
+    position_ = point(to_render, l->position);
+    radiance_ = DVec3(l->intensity) * (space.scale * space.scale);
+    power_ = 4 * kPiD * radiance_;
+  } else if (const auto* s = std::get_if<SpotLightDescription>(&light.kind)) {
+    kind_ = Kind::kSpot;
+    position_ = point(to_render, s->from);
+    axis_ = glm::normalize(vector(to_render, s->to - s->from));
+    cos_zero_ = cosine_of_degrees(static_cast<double>(s->cone_angle));
+    cos_full_ = cosine_of_degrees(static_cast<double>(s->cone_angle - s->cone_delta_angle));
+    radiance_ = DVec3(s->intensity) * (space.scale * space.scale);
+    power_ = radiance_ * (2 * kPiD * (1 - (cos_full_ + cos_zero_) / 2));
+  } else if (const auto* q = std::get_if<DistantLightDescription>(&light.kind)) {
+    kind_ = Kind::kDistant;
+    bounded_ = false;
+    axis_ = glm::normalize(vector(to_render, q->from - q->to));
+    radiance_ = DVec3(q->radiance);
+    power_ = radiance_ * (kPiD * scene_radius * scene_radius);
+  } else {
+    const auto& i = std::get<InfiniteLightDescription>(light.kind);
+    if (!i.image_file.empty()) throw std::logic_error("no formula for an environment image");
+    kind_ = Kind::kInfinite;
+    bounded_ = delta_ = false;
+    radiance_ = DVec3(i.radiance);
+    power_ = radiance_ * (4 * kPiD * kPiD * scene_radius * scene_radius);
+  }
+}
+
+LightFormula::LightFormula(const ShapeDescription& shape, const RenderSpace& space) {
+  const DMat4 to_render = space.render_from_world * shape.world_from_object;
+  const double determinant = glm::determinant(glm::dmat3(to_render)), scale = std::cbrt(std::abs(determinant));
+  flip_ = shape.reverse_orientation != (determinant < 0);
+  const AreaLightDescription& light = *shape.area_light;
+  two_sided_ = light.two_sided;
+  opacity_ = std::clamp(static_cast<double>(shape.alpha.value), 0.0, 1.0);
+  delta_ = opacity_ == 0;
+  radiance_ = DVec3(light.radiance * light.scale);
+  if (const auto* s = std::get_if<SphereDescription>(&shape.kind)) {
+    kind_ = Kind::kSphere;
+    position_ = point(to_render, DVec3(0));
+    radius_ = s->radius * scale;
+    area_ = 4 * kPiD * radius_ * radius_;
+  } else if (const auto* q = std::get_if<DiskDescription>(&shape.kind)) {
+    kind_ = Kind::kDisk;
+    position_ = point(to_render, DVec3(0, 0, q->height));
+    axis_ = glm::normalize(vector(to_render, DVec3(0, 0, 1)));
+    area_ = kPiD * (q->radius * q->radius - q->inner_radius * q->inner_radius) * scale * scale;
+  } else if (const auto* c = std::get_if<CylinderDescription>(&shape.kind)) {
+    kind_ = Kind::kCylinder;
+    position_ = point(to_render, DVec3(0, 0, (c->z_min + c->z_max) / 2));
+    radius_ = c->radius * scale;
+    axis_ = glm::normalize(vector(to_render, DVec3(0, 0, 1)));
+    area_ = 2 * kPiD * c->radius * (c->z_max - c->z_min) * scale * scale;
+  } else if (const auto* patches = std::get_if<std::shared_ptr<const BilinearMesh>>(&shape.kind)) {
+    // A flat one, cut along the diagonal from its first corner to its last.
+    if ((*patches)->patches.size() != 1) throw std::logic_error("no formula for several patches");
+    kind_ = Kind::kTriangles;
+    patch_ = true;
+    std::array<DVec3, 4> corner;
+    for (size_t i = 0; i < 4; ++i) corner[i] = point(to_render, (*patches)->positions[(*patches)->patches[0][i]]);
+    triangles_ = {{corner[0], corner[1], corner[3]}, {corner[0], corner[3], corner[2]}};
+    area_ = area(triangles_[0]) + area(triangles_[1]);
+    position_ = 0.5 * (glm::min(glm::min(corner[0], corner[1]), glm::min(corner[2], corner[3])) +
+                       glm::max(glm::max(corner[0], corner[1]), glm::max(corner[2], corner[3])));
+  } else {
+    const auto& mesh = *std::get<std::shared_ptr<const TriangleMesh>>(shape.kind);
+    kind_ = Kind::kTriangles;
+    DVec3 lower(1e300), upper(-1e300);
+    for (const DVec3 p : mesh.positions) {
+      lower = glm::min(lower, point(to_render, p));
+      upper = glm::max(upper, point(to_render, p));
+    }
+    position_ = 0.5 * (lower + upper);
+    for (const auto& t : mesh.triangles) {
+      triangles_.push_back(
+          {point(to_render, mesh.positions[t[0]]), point(to_render, mesh.positions[t[1]]), point(to_render, mesh.positions[t[2]])});
+      area_ += area(triangles_.back());
+    }
+  }
+  power_ = radiance_ * (kPiD * area_ * (two_sided_ ? 2 : 1) * (opacity_ > 0 ? opacity_ : 1));
+}
+
+DVec3 LightFormula::normal(uint32_t primitive, DVec3 p) const {
+  DVec3 n = axis_;
+  if (kind_ == Kind::kSphere) n = glm::normalize(p - position_);
+  if (kind_ == Kind::kCylinder) n = glm::normalize((p - position_) - axis_ * glm::dot(p - position_, axis_));
+  if (kind_ == Kind::kTriangles) {
+    const auto& c = triangles_[patch_ ? 0 : primitive];
+    n = glm::normalize(glm::cross(c[1] - c[0], c[2] - c[0]));
+  }
+  return flip_ ? -n : n;
+}
+
+const std::array<DVec3, 3>& LightFormula::triangle(uint32_t primitive, DVec3 p) const {
+  if (!patch_) return triangles_[primitive];
+  const auto& c = triangles_[0];
+  const DVec3 diagonal = c[2] - c[0], n = glm::cross(c[1] - c[0], diagonal);
+  const double side = glm::dot(glm::cross(diagonal, p - c[0]), n) / (glm::length(n) * glm::dot(diagonal, diagonal));
+  if (std::abs(side) < 1e-4) throw TooNear{};
+  return triangles_[side < 0 ? 0 : 1];
+}
+
+double LightFormula::triangle_pdf(const std::array<DVec3, 3>& corner, DVec3 from, DVec3 p) const {
+  // By solid angle where an edge is longer than 0.35 of the distance to the farthest corner, else by area.
+  double edge = 0, far = 0;
+  for (size_t i = 0; i < 3; ++i) {
+    edge = std::max(edge, glm::distance(corner[i], corner[(i + 1) % 3]));
+    far = std::max(far, glm::distance(corner[i], from));
+  }
+  const double omega = solid_angle(corner, from);
+  if (std::abs(edge - 0.35 * far) < 1e-5 * far || (edge > 0.35 * far && omega < 1e-5)) throw TooNear{};
+  if (edge > 0.35 * far) return area(corner) / area_ / omega;
+  const DVec3 to = p - from, n = glm::normalize(glm::cross(corner[1] - corner[0], corner[2] - corner[0]));
+  const double distance2 = glm::dot(to, to);
+  return distance2 * std::sqrt(distance2) / (std::abs(glm::dot(to, n)) * area_);
+}
+
+double LightFormula::pdf(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi) const {
+  switch (kind_) {
+    case Kind::kPoint:
+    case Kind::kSpot:
+    case Kind::kDistant:
+      return 1;
+    case Kind::kInfinite:
+      return 1 / (4 * kPiD);
+    case Kind::kSphere: {
+      const double distance = glm::distance(from, position_);
+      if (std::abs(distance - radius_) < 1e-5 * (1 + radius_)) throw TooNear{};
+      if (distance < radius_) return 1 / (4 * kPiD);
+      // From outside the near side is sampled, the far side never.
+      const double side = glm::dot(glm::normalize(p - position_), wi);
+      if (std::abs(side) < 1e-3) throw TooNear{};
+      const double sine = radius_ / distance;
+      return side > 0 ? 0 : (1 + std::sqrt(1 - sine * sine)) / (2 * kPiD * sine * sine);
+    }
+    case Kind::kTriangles:
+      return triangle_pdf(triangle(primitive, p), from, p);
+    case Kind::kDisk:
+    case Kind::kCylinder:
+      break;
+  }
+  const DVec3 to = p - from;
+  return glm::dot(to, to) / (std::abs(glm::dot(wi, normal(primitive, p))) * area_);
+}
+
+bool LightFormula::hides(DVec3 from, uint32_t primitive, DVec3 p) const {
+  if (opacity_ < 1) return false;
+  const DVec3 to = p - from;
+  // What rounding may take for the point itself, or for the other side of an edge, is left out.
+  constexpr double kMargin = 1e-4;
+  if (patch_) return false;
+  if (kind_ == Kind::kTriangles) {
+    for (size_t i = 0; i < triangles_.size(); ++i) {
+      if (i == primitive) continue;
+      const auto& c = triangles_[i];
+      const DVec3 n = glm::cross(c[1] - c[0], c[2] - c[0]);
+      const double s = glm::dot(c[0] - from, n) / glm::dot(to, n);
+      if (!(s > kMargin && glm::length(to) * (1 - s) > 1e-2 * std::sqrt(area_))) continue;
+      bool inside = true;
+      for (size_t k = 0; k < 3; ++k) {
+        const DVec3 side = glm::cross(n, c[(k + 1) % 3] - c[k]);
+        inside = inside && glm::dot(from + s * to - c[k], side) > 1e-2 * glm::length(side) * std::sqrt(area_);
+      }
+      if (inside) return true;
+    }
+    return false;
+  }
+  if (kind_ != Kind::kCylinder) return false;
+  const DVec3 o = from - position_, across = o - axis_ * glm::dot(o, axis_), along = to - axis_ * glm::dot(to, axis_);
+  const double a = glm::dot(along, along), b = glm::dot(along, across), c = glm::dot(across, across) - radius_ * radius_, d = b * b - a * c;
+  if (!(d > 0)) return false;
+  // The other of the two walls.
+  const double first = (-b - std::sqrt(d)) / a, second = (-b + std::sqrt(d)) / a,
+               s = std::abs(first - 1) > std::abs(second - 1) ? first : second;
+  const double height = std::abs(glm::dot(o + s * to, axis_)), half = area_ / (4 * kPiD * radius_);
+  return s > kMargin && glm::length(to) * (1 - s) > 1e-2 * radius_ && height < half * (1 - kMargin);
+}
+
+DVec3 LightFormula::radiance(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi, bool sampled) const {
+  const auto inverse_square = [&] { return 1 / glm::dot(position_ - from, position_ - from); };
+  switch (kind_) {
+    case Kind::kPoint:
+      return radiance_ * inverse_square();
+    case Kind::kSpot: {
+      const double x = std::clamp((glm::dot(glm::normalize(from - position_), axis_) - cos_zero_) / (cos_full_ - cos_zero_), 0.0, 1.0);
+      return radiance_ * (inverse_square() * x * x * (3 - 2 * x));
+    }
+    case Kind::kDistant:
+    case Kind::kInfinite:
+      return radiance_;
+    default:
+      break;
+  }
+  // Along a surface rounding says which side is seen; next to nothing comes from there.
+  const double side = glm::dot(normal(primitive, p), wi);
+  if (!two_sided_ && std::abs(side) < 1e-6) throw TooNear{};
+  if (!two_sided_ && side > 0) return DVec3(0);
+  // What is sampled is seen through the opacity; a ray meets it with that probability. All of it where no ray does.
+  return sampled && opacity_ > 0 ? radiance_ * opacity_ : radiance_;
+}
+
+}  // namespace woodcock::testing

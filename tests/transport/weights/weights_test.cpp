@@ -1,0 +1,43 @@
+// Weights sum to one on every path (N69): every contribution of the path loop is compared with an independent function of the
+// complete path, over random scenes with every feature on and off.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <cstdlib>
+
+#include "tests/transport/weights/random_scenes.h"
+#include "tests/transport/weights/weights_check.h"
+
+namespace woodcock::testing {
+namespace {
+
+TEST(N69_Weights, sum_to_one_on_every_path_of_random_scenes) {
+  // WOODCOCK_SEED shows one scene alone, with its text.
+  CheckReport report;
+  if (const char* seed = std::getenv("WOODCOCK_SEED")) {
+    std::puts(random_scene(std::strtoull(seed, nullptr, 10)).c_str());
+    report = check_random_scene(std::strtoull(seed, nullptr, 10), 1000);
+  } else {
+    for (uint64_t i = 1; i <= 216; ++i) report.add(check_random_scene(i, 500));
+    EXPECT_GT(report.total(), 150000);
+    for (const int64_t n : report.contributions) EXPECT_GT(n, 500);
+  }
+  std::puts(describe(report).c_str());
+  EXPECT_EQ(report.failed, 0) << describe(report);
+  EXPECT_LT(report.too_near, report.total() / 500 + 10);
+}
+
+/// Where two lights or depths are near a threshold, or a vertex is near a light, rounding may be more than what was changed.
+TEST(N69_Weights, that_are_off_by_a_five_hundredth_are_noticed) {
+  Tampering all;
+  for (uint64_t i = 1; i <= 24; ++i) {
+    const Tampering t = check_tampered_scene(i, 40);
+    all.changed += t.changed;
+    all.noticed += t.noticed;
+  }
+  EXPECT_GT(all.changed, 1000);
+  EXPECT_GT(static_cast<double>(all.noticed), 0.9 * static_cast<double>(all.changed)) << all.noticed << " of " << all.changed;
+}
+
+}  // namespace
+}  // namespace woodcock::testing
