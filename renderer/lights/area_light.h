@@ -24,6 +24,8 @@ class AreaLight {
   float pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const;
   /// Render-space units; for the choice of lights black where nothing is ever sampled.
   Rgb power() const;
+  /// The image, without pixels where there is none.
+  const Image& image() const { return image_; }
 
  private:
   using Emitter = std::variant<MeshEmitter, QuadricEmitter>;

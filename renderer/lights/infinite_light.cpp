@@ -34,9 +34,11 @@ InfiniteLight::InfiniteLight(const LightDescription& description, const Infinite
   }
   image_ = load_image(light.image_file, "", description.where);
   if (image_.width != image_.height)
-    throw SceneError(description.where, "found an environment image of " + std::to_string(image_.width) + "x" +
-                                            std::to_string(image_.height) +
-                                            " pixels, expected a square equal-area octahedral one: " + light.image_file);
+    throw SceneError(description.where, "found the environment image \"" + image_.file + "\" of " + std::to_string(image_.width) + "x" +
+                                            std::to_string(image_.height) + " pixels" +
+                                            (image_.width == 2 * image_.height ? ", which is a latitude-longitude map" : "") +
+                                            "; expected a square one in the equal-area octahedral mapping, as pbrt-v4's \"imgtool "
+                                            "makeequiarea\" makes of a latitude-longitude map");
   std::vector<float> weights;
   weights.reserve(image_.pixels.size());
   glm::dvec3 sum(0);

@@ -25,6 +25,8 @@ class InfiniteLight {
   /// The pdf with which `sample` gives `direction`, per solid angle.
   float pdf(Vec3 direction) const;
   Rgb power() const;
+  /// The image, without pixels where there is none.
+  const Image& image() const { return image_; }
 
  private:
   Rgb scale_;    // of the image, or the constant radiance

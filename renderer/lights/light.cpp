@@ -1,5 +1,7 @@
 #include "renderer/lights/light.h"
 
+#include <algorithm>
+
 #include "renderer/lights/light_table.h"
 #include "renderer/scene/scene_error.h"
 
@@ -151,5 +153,17 @@ bool Lights::has_environment() const { return !table_->infinite.empty(); }
 Rgb Lights::power(int light) const { return table_->power[static_cast<size_t>(light)]; }
 
 const SourceLocation& Lights::where(int light) const { return table_->where[static_cast<size_t>(light)]; }
+
+std::vector<std::string> Lights::notes() const {
+  std::vector<std::string> notes;
+  for (const Light& light : table_->lights) {
+    const Image* image = nullptr;
+    if (const auto* infinite = std::get_if<InfiniteLight>(&light)) image = &infinite->image();
+    if (const auto* area = std::get_if<AreaLight>(&light)) image = &area->image();
+    const std::string note = image != nullptr ? image->note_on_negatives() : "";
+    if (!note.empty() && std::find(notes.begin(), notes.end(), note) == notes.end()) notes.push_back(note);
+  }
+  return notes;
+}
 
 }  // namespace woodcock

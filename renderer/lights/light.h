@@ -96,6 +96,9 @@ class Lights {
   /// Where in the scene file the light is defined.
   const SourceLocation& where(int light) const;
 
+  /// What of the images is not used as it stands in the files, one sentence each; for the user.
+  std::vector<std::string> notes() const;
+
  private:
   std::shared_ptr<const LightTable> table_;
 };

@@ -1,9 +1,11 @@
 #include "renderer/scene/lexer.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 
 #include "renderer/scene/scene_error.h"
+#include "renderer/scene/text_file.h"
 
 namespace woodcock {
 
@@ -32,9 +34,16 @@ char unescape(char c) {
 }
 }  // namespace
 
+Lexer::Lexer(std::string_view text, std::string file_name) : text_(text), file_(std::move(file_name)) {
+  // The mark some editors put in front of UTF-8.
+  if (text_.starts_with("\xef\xbb\xbf")) text_.remove_prefix(3);
+  expect_utf8(text_, file_);
+}
+
 char Lexer::advance() {
   const char c = text_[position_++];
-  if (c == '\n') {
+  // CR and LF together are one end of line.
+  if (c == '\n' || (c == '\r' && (position_ >= text_.size() || text_[position_] != '\n'))) {
     ++line_;
     column_ = 1;
   } else {
@@ -47,13 +56,24 @@ void Lexer::skip_blanks() {
   while (position_ < text_.size()) {
     const char c = text_[position_];
     if (c == '#') {
-      while (position_ < text_.size() && text_[position_] != '\n') advance();
+      while (position_ < text_.size() && !at_line_end()) advance();
     } else if (is_blank(c)) {
       advance();
     } else {
       return;
     }
   }
+}
+
+void Lexer::refuse_escape(const Token& token, size_t begin, char escape) const {
+  // The string as it stands in the file, up to the end of its line.
+  constexpr size_t kShown = 200;
+  const size_t end = std::min(text_.find_first_of("\"\r\n", position_), text_.size());
+  const std::string written(text_.substr(begin, std::min(end - begin, kShown)));
+  const std::string found = static_cast<unsigned char>(escape) < 0x20 ? "\\" : std::string("\\") + escape;
+  throw SceneError(location(token), "found the escape \"" + found + "\" in the string \"" + written +
+                                        "\", expected one of \\b \\f \\n \\r \\t \\\\ \\' \\\". Write a path with slashes: \"" +
+                                        with_slashes(written) + "\"");
 }
 
 Token Lexer::read_string(Token token) {
@@ -63,7 +83,7 @@ Token Lexer::read_string(Token token) {
   bool escaped = false;
   unescaped_.clear();
   while (true) {
-    if (position_ >= text_.size() || text_[position_] == '\n')
+    if (position_ >= text_.size() || at_line_end())
       throw SceneError(location(token), "found a string without its closing quote, expected '\"' on the same line");
     const char c = advance();
     if (c == '"') break;
@@ -75,9 +95,7 @@ Token Lexer::read_string(Token token) {
     escaped = true;
     const char escape = position_ < text_.size() ? advance() : '\0';
     const char plain = unescape(escape);
-    if (plain == '\0')
-      throw SceneError(location(token),
-                       std::string("found the escape \"\\") + escape + "\" in a string, expected one of \\b \\f \\n \\r \\t \\\\ \\' \\\"");
+    if (plain == '\0') refuse_escape(token, begin, escape);
     unescaped_.push_back(plain);
   }
   token.text = escaped ? std::string_view(unescaped_) : text_.substr(begin, position_ - 1 - begin);

@@ -16,13 +16,11 @@ struct Token {
   int line = 1, column = 1;
 };
 
-/// One pass over a text that must outlive the lexer. `#` starts a comment that ends with the line.
+/// One pass over a text that must outlive the lexer. `#` starts a comment that ends with the line. Lines end with LF, CR or both.
 class Lexer {
  public:
-  Lexer(std::string_view text, std::string file_name) : text_(text), file_(std::move(file_name)) {
-    // The mark some editors put in front of UTF-8.
-    if (text_.starts_with("\xef\xbb\xbf")) text_.remove_prefix(3);
-  }
+  /// Throws SceneError for a text in UTF-16.
+  Lexer(std::string_view text, std::string file_name);
 
   /// Throws SceneError for an unterminated string, an unknown escape or a control character.
   Token next();
@@ -39,6 +37,9 @@ class Lexer {
   char advance();
   void skip_blanks();
   Token read_string(Token token);
+  /// `begin` is where the string's text begins.
+  [[noreturn]] void refuse_escape(const Token& token, size_t begin, char escape) const;
+  bool at_line_end() const { return text_[position_] == '\n' || text_[position_] == '\r'; }
 
   std::string_view text_;
   std::string file_;

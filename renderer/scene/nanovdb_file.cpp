@@ -23,6 +23,25 @@ using Upper = nanovdb::NanoUpper<float>;
 using Lower = nanovdb::NanoLower<float>;
 using Leaf = nanovdb::NanoLeaf<float>;
 
+// "NanoVDB" and a digit, which tells with 0 nothing, with 1 a grid and with 2 a file since version 32.6; the layout is the same.
+constexpr uint64_t kMagic = NANOVDB_MAGIC_NUMBER, kDigit = uint64_t{1} << 56;
+bool is_magic(uint64_t value) { return value == kMagic || value == kMagic + kDigit || value == kMagic + 2 * kDigit; }
+
+std::string name_of(nanovdb::GridType type) {
+  const auto known = static_cast<uint32_t>(type) < static_cast<uint32_t>(nanovdb::GridType::End);
+  return known ? nanovdb::toStr(type) : "number " + std::to_string(static_cast<uint32_t>(type));
+}
+
+bool is_quantised(nanovdb::GridType type) {
+  return type == nanovdb::GridType::Fp4 || type == nanovdb::GridType::Fp8 || type == nanovdb::GridType::Fp16 ||
+         type == nanovdb::GridType::FpN;
+}
+
+std::string refused_type(nanovdb::GridType type) {
+  return "found values of type " + name_of(type) + (is_quantised(type) ? " (quantised)" : "") +
+         ", expected float; write the grid with values of type float";
+}
+
 /// Extrema of the active values of a subtree, and their bounds in index space.
 struct Stats {
   float minimum = kInf, maximum = -kInf;
@@ -55,6 +74,7 @@ class Checker {
     const Stats stats = check_root();
     SparseGridFile file;
     file.negative = negative_;
+    file.background = background_;
     file.grid.bytes = bytes_;
     file.grid.medium_from_index = transform();
     if (!stats.empty()) {
@@ -77,10 +97,11 @@ class Checker {
     if (bytes_ < sizeof(nanovdb::GridData) + sizeof(nanovdb::TreeData<3>))
       fail("found a grid of " + std::to_string(bytes_) + " bytes, too short for its own header");
     const nanovdb::GridData& g = grid();
-    if (g.mMagic != NANOVDB_MAGIC_NUMBER) fail("found no NanoVDB grid where one should begin (wrong magic number)");
+    if (!is_magic(g.mMagic)) fail("found no NanoVDB grid where one should begin (wrong magic number)");
+    grid().mMagic = kMagic;
     if (g.mVersion.getMajor() != NANOVDB_MAJOR_VERSION_NUMBER)
       fail("found NanoVDB version " + std::to_string(g.mVersion.getMajor()) + ", expected " + std::to_string(NANOVDB_MAJOR_VERSION_NUMBER));
-    if (g.mGridType != nanovdb::GridType::Float) fail("found a grid whose values are not of type float, expected float");
+    if (g.mGridType != nanovdb::GridType::Float) fail(refused_type(g.mGridType));
     if (g.mGridClass != nanovdb::GridClass::FogVolume && g.mGridClass != nanovdb::GridClass::Unknown)
       fail("found a grid that is not a fog volume (level set?), expected a fog volume");
     if (g.mGridSize != bytes_)
@@ -147,6 +168,7 @@ class Checker {
   }
 
   void check_value(float& value, const nanovdb::Coord& at) {
+    value -= background_;
     if (!std::isfinite(value))
       fail("found a value that is not finite at voxel (" + std::to_string(at[0]) + ", " + std::to_string(at[1]) + ", " +
            std::to_string(at[2]) + ")");
@@ -158,8 +180,11 @@ class Checker {
 
   Stats check_root() {
     auto* root = root_->data();
-    if (root->mBackground != 0)
+    if (root->mBackground != 0 && meaning_ == GridMeaning::kDensity)
       fail("found the background value " + std::to_string(root->mBackground) + ", expected 0: outside its voxels a volume is empty");
+    if (!std::isfinite(root->mBackground)) fail("found a background value that is not finite");
+    background_ = root->mBackground;
+    root->mBackground = 0;
     Stats stats;
     for (uint32_t i = 0; i < root->mTableSize; ++i) {
       auto* tile = root->tile(i);
@@ -226,48 +251,104 @@ class Checker {
   uint64_t count_[3] = {}, visited_[3] = {};
   Root* root_ = nullptr;
   size_t negative_ = 0;
+  float background_ = 0;  ///< taken away from every value
 };
 
-/// Walks the segments of a file.
+/// A grid as it lies in a file.
+struct StoredGrid {
+  std::string name;
+  nanovdb::GridType type = nanovdb::GridType::Unknown;
+  nanovdb::io::Codec codec = nanovdb::io::Codec::NONE;
+  uint64_t bytes = 0;  ///< unpacked
+  std::string_view stored;
+};
+
+/// Walks the segments of a file, or the grids of one that was written without segments.
 class FileReader {
  public:
   FileReader(std::string_view bytes, const std::string& name, const SourceLocation& where) : bytes_(bytes), name_(name), where_(where) {}
 
-  std::optional<SparseGridFile> read(const std::string& grid_name, GridMeaning meaning, bool header_only) {
+  std::vector<StoredGrid> list() {
+    std::vector<StoredGrid> grids;
     while (position_ < bytes_.size()) {
-      const auto header = take<nanovdb::io::Header>("a segment header");
-      if (header.magic != NANOVDB_MAGIC_NUMBER)
-        fail("found no NanoVDB segment at byte " + std::to_string(position_ - sizeof(header)) + " (wrong magic number)");
-      if (header.version.getMajor() != NANOVDB_MAJOR_VERSION_NUMBER)
-        fail("found NanoVDB version " + std::to_string(header.version.getMajor()) + ", expected " +
-             std::to_string(NANOVDB_MAJOR_VERSION_NUMBER) + "; convert the file with nanovdb_convert");
-      if (header.codec != nanovdb::io::Codec::NONE && header.codec != nanovdb::io::Codec::ZIP)
-        fail("found a compression that is not supported (BLOSC?), expected an uncompressed or ZIP file");
-      std::vector<std::pair<nanovdb::io::MetaData, std::string>> grids;
-      for (int i = 0; i < header.gridCount; ++i) {
-        const auto meta = take<nanovdb::io::MetaData>("grid metadata");
-        constexpr uint32_t kLongestName = 1 << 16;
-        if (meta.nameSize == 0 || meta.nameSize > kLongestName || meta.nameSize > bytes_.size() - position_)
-          fail("found a grid name that is cut off");
-        grids.emplace_back(meta, std::string(bytes_.substr(position_, meta.nameSize - 1)));
-        position_ += meta.nameSize;
-      }
-      for (const auto& [meta, name] : grids) {
-        if (meta.fileSize > bytes_.size() - position_)
-          fail("found the grid \"" + name + "\" of " + std::to_string(meta.fileSize) + " bytes, but only " +
-               std::to_string(bytes_.size() - position_) + " bytes left: the file is cut off");
-        const std::string_view stored = bytes_.substr(position_, meta.fileSize);
-        position_ += meta.fileSize;
-        if (name != grid_name) continue;
-        check_size(meta, header.codec, stored);
-        if (header_only) return SparseGridFile{};
-        return load(meta, header.codec, stored, meaning, grid_name);
-      }
+      if (is_bare_grid())
+        add_bare_grid(grids);
+      else
+        add_segment(grids);
+    }
+    return grids;
+  }
+
+  std::optional<SparseGridFile> read(const std::string& grid_name, GridMeaning meaning, bool header_only) {
+    for (const StoredGrid& grid : list()) {
+      if (grid.name != grid_name) continue;
+      if (grid.codec != nanovdb::io::Codec::NONE && grid.codec != nanovdb::io::Codec::ZIP)
+        fail("found the grid \"" + grid.name + "\" compressed with " +
+             (grid.codec == nanovdb::io::Codec::BLOSC ? "BLOSC" : "an unknown codec") +
+             ", which is not read; write the file uncompressed or with ZIP");
+      if (grid.type != nanovdb::GridType::Float) fail("grid \"" + grid.name + "\": " + refused_type(grid.type));
+      check_size(grid);
+      if (header_only) return SparseGridFile{};
+      return load(grid, meaning);
     }
     return std::nullopt;
   }
 
  private:
+  template <typename T>
+  T value_at(size_t offset) const {
+    T value{};
+    if (offset + sizeof(T) <= bytes_.size() - position_) std::memcpy(&value, bytes_.data() + position_ + offset, sizeof(T));
+    return value;
+  }
+  static uint32_t major_of(uint32_t version) { return version >> 21; }
+
+  /// Whether a grid begins here, and no segment: told by where the version, the count of grids and the size stand.
+  bool is_bare_grid() const {
+    const bool is_segment = major_of(value_at<uint32_t>(8)) == NANOVDB_MAJOR_VERSION_NUMBER && value_at<uint16_t>(14) <= 2;
+    const bool is_grid = major_of(value_at<uint32_t>(16)) == NANOVDB_MAJOR_VERSION_NUMBER &&
+                         value_at<uint32_t>(24) < value_at<uint32_t>(28) && value_at<uint64_t>(32) >= sizeof(nanovdb::GridData);
+    return is_grid && (!is_segment || value_at<uint64_t>(0) == kMagic + kDigit);
+  }
+
+  void add_bare_grid(std::vector<StoredGrid>& grids) {
+    if (!is_magic(value_at<uint64_t>(0))) fail("found no NanoVDB grid at byte " + std::to_string(position_) + " (wrong magic number)");
+    const uint64_t size = value_at<uint64_t>(32), left = bytes_.size() - position_;
+    if (size > left)
+      fail("found a grid of " + std::to_string(size) + " bytes, but only " + std::to_string(left) + " bytes left: the file is cut off");
+    const std::string_view stored = bytes_.substr(position_, size);
+    constexpr size_t kName = 40, kType = 636;
+    std::string name(stored.substr(kName, nanovdb::GridData::MaxNameSize));
+    name.resize(std::min(name.find('\0'), name.size()));
+    grids.push_back({name, static_cast<nanovdb::GridType>(value_at<uint32_t>(kType)), nanovdb::io::Codec::NONE, size, stored});
+    position_ += size;
+  }
+
+  void add_segment(std::vector<StoredGrid>& grids) {
+    const auto header = take<nanovdb::io::Header>("a segment header");
+    if (!is_magic(header.magic))
+      fail("found no NanoVDB segment at byte " + std::to_string(position_ - sizeof(header)) + " (wrong magic number)");
+    if (header.version.getMajor() != NANOVDB_MAJOR_VERSION_NUMBER)
+      fail("found NanoVDB version " + std::to_string(header.version.getMajor()) + ", expected " +
+           std::to_string(NANOVDB_MAJOR_VERSION_NUMBER) + "; convert the file with nanovdb_convert");
+    std::vector<std::pair<nanovdb::io::MetaData, std::string>> segment;
+    for (int i = 0; i < header.gridCount; ++i) {
+      const auto meta = take<nanovdb::io::MetaData>("grid metadata");
+      constexpr uint32_t kMaxName = 1 << 16;
+      if (meta.nameSize == 0 || meta.nameSize > kMaxName || meta.nameSize > bytes_.size() - position_)
+        fail("found a grid name that is cut off");
+      segment.emplace_back(meta, std::string(bytes_.substr(position_, meta.nameSize - 1)));
+      position_ += meta.nameSize;
+    }
+    for (const auto& [meta, name] : segment) {
+      if (meta.fileSize > bytes_.size() - position_)
+        fail("found the grid \"" + name + "\" of " + std::to_string(meta.fileSize) + " bytes, but only " +
+             std::to_string(bytes_.size() - position_) + " bytes left: the file is cut off");
+      grids.push_back({name, meta.gridType, header.codec, meta.gridSize, bytes_.substr(position_, meta.fileSize)});
+      position_ += meta.fileSize;
+    }
+  }
+
   [[noreturn]] void fail(const std::string& message) const { throw SceneError(where_, "NanoVDB file \"" + name_ + "\": " + message); }
 
   template <typename T>
@@ -280,32 +361,31 @@ class FileReader {
     return *reinterpret_cast<const T*>(storage);
   }
 
-  void check_size(const nanovdb::io::MetaData& meta, nanovdb::io::Codec codec, std::string_view stored) const {
+  void check_size(const StoredGrid& grid) const {
     // Deflate packs at most about 1032 to 1.
     constexpr uint64_t kBestRatio = 1100;
-    const bool zip = codec == nanovdb::io::Codec::ZIP;
-    const bool possible = zip ? stored.size() > 8 && meta.gridSize / kBestRatio <= stored.size() : meta.gridSize == stored.size();
-    if (!possible || meta.gridSize > limits::kFileBytes)
-      fail("found a grid that claims " + std::to_string(meta.gridSize) + " bytes, stored in " + std::to_string(stored.size()) +
+    const bool zip = grid.codec == nanovdb::io::Codec::ZIP;
+    const bool possible = zip ? grid.stored.size() > 8 && grid.bytes / kBestRatio <= grid.stored.size() : grid.bytes == grid.stored.size();
+    if (!possible || grid.bytes > limits::kFileBytes)
+      fail("found a grid that claims " + std::to_string(grid.bytes) + " bytes, stored in " + std::to_string(grid.stored.size()) +
            ": that is not possible");
   }
 
-  SparseGridFile load(const nanovdb::io::MetaData& meta, nanovdb::io::Codec codec, std::string_view stored, GridMeaning meaning,
-                      const std::string& grid_name) const {
-    const std::shared_ptr<std::byte[]> buffer = allocate_aligned(meta.gridSize);
-    if (codec == nanovdb::io::Codec::NONE) {
-      std::memcpy(buffer.get(), stored.data(), stored.size());
+  SparseGridFile load(const StoredGrid& grid, GridMeaning meaning) const {
+    const std::shared_ptr<std::byte[]> buffer = allocate_aligned(grid.bytes);
+    if (grid.codec == nanovdb::io::Codec::NONE) {
+      std::memcpy(buffer.get(), grid.stored.data(), grid.stored.size());
     } else {
       uint64_t packed = 0;
-      std::memcpy(&packed, stored.data(), sizeof(packed));
-      if (packed > stored.size() - sizeof(packed)) fail("found compressed data that is cut off");
-      uLongf unpacked = meta.gridSize;
+      std::memcpy(&packed, grid.stored.data(), sizeof(packed));
+      if (packed > grid.stored.size() - sizeof(packed)) fail("found compressed data that is cut off");
+      uLongf unpacked = grid.bytes;
       const int status = uncompress(reinterpret_cast<Bytef*>(buffer.get()), &unpacked,
-                                    reinterpret_cast<const Bytef*>(stored.data() + sizeof(packed)), packed);
-      if (status != Z_OK || unpacked != meta.gridSize)
+                                    reinterpret_cast<const Bytef*>(grid.stored.data() + sizeof(packed)), packed);
+      if (status != Z_OK || unpacked != grid.bytes)
         fail("found compressed data that cannot be unpacked (zlib status " + std::to_string(status) + ")");
     }
-    return adopt_nanovdb_buffer(buffer, meta.gridSize, meaning, "grid \"" + grid_name + "\" of NanoVDB file \"" + name_ + "\"", where_);
+    return adopt_nanovdb_buffer(buffer, grid.bytes, meaning, "grid \"" + grid.name + "\" of NanoVDB file \"" + name_ + "\"", where_);
   }
 
   std::string_view bytes_;
@@ -315,6 +395,13 @@ class FileReader {
 };
 
 }  // namespace
+
+std::optional<VolumeFormat> volume_format(std::string_view bytes) {
+  if (bytes.starts_with("NanoVDB")) return VolumeFormat::kNanoVdb;
+  // 0x56444220 as a little-endian number of 64 bits.
+  if (bytes.starts_with(std::string_view(" BDV\0\0\0\0", 8))) return VolumeFormat::kOpenVdb;
+  return std::nullopt;
+}
 
 std::shared_ptr<std::byte[]> allocate_aligned(size_t bytes) {
   constexpr size_t kAlignment = 32;
@@ -329,6 +416,12 @@ SparseGridFile adopt_nanovdb_buffer(std::shared_ptr<std::byte[]> buffer, size_t 
   SparseGridFile file = Checker(buffer.get(), bytes, meaning, what, where).check();
   file.grid.buffer = std::move(buffer);
   return file;
+}
+
+std::vector<VolumeEntry> list_nanovdb(std::string_view bytes, const std::string& file_name, const SourceLocation& where) {
+  std::vector<VolumeEntry> entries;
+  for (const StoredGrid& grid : FileReader(bytes, file_name, where).list()) entries.push_back({grid.name, name_of(grid.type)});
+  return entries;
 }
 
 std::optional<SparseGridFile> read_nanovdb(std::string_view bytes, const std::string& grid_name, GridMeaning meaning, bool header_only,

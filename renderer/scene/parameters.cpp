@@ -240,7 +240,7 @@ SampledSpectrum Parameters::sampled_spectrum(const Parameter& parameter) {
   std::vector<double> values = parameter.numbers;
   if (!parameter.strings.empty()) {
     const std::filesystem::path file = context_.files.resolve(parameter.strings[0], parameter.folder, parameter.where);
-    const std::string text = context_.files.read(file, uint64_t{1} << 26, parameter.where);
+    const std::string text = context_.files.read_unpacked(file, uint64_t{1} << 26, parameter.where);
     Lexer lexer(text, context_.files.display_name(file));
     for (Token token = lexer.next(); token.kind != Token::Kind::kEnd; token = lexer.next()) {
       double value = 0;
@@ -296,10 +296,14 @@ Rgb Parameters::color_value(const Parameter& parameter, SpectrumUse use) {
     }
     value = project(sampled_spectrum(parameter), use);
   }
-  if (use == SpectrumUse::kReflectance && max_component(value) > 1)
+  if (use != SpectrumUse::kReflectance || !(max_component(value) > 1)) return value;
+  // As pbrt-v4 refuses it. The projection of a spectrum may lie outside of what RGB can say, though the spectrum is possible.
+  if (parameter.type == "rgb")
     fail(parameter,
          "found \"" + parameter.type + " " + parameter.name + "\" of " + directive_ + " above 1, expected a reflectance from 0 to 1");
-  return value;
+  context_.warn(parameter.where, "\"" + parameter.type + " " + parameter.name + "\" of " + directive_ + " reaches " +
+                                     std::to_string(max_component(value)) + " as RGB; what is above 1 is cut to 1");
+  return glm::min(value, Rgb(1));
 }
 
 std::optional<Rgb> Parameters::color(const std::string& name, SpectrumUse use) {

@@ -203,7 +203,7 @@ void Parser::include(Source& source, const std::string& word, const SourceLocati
                      "found files included more than " + std::to_string(limits::kIncludeDepth) + " deep, which is more than is accepted");
   if (++includes_ > limits::kIncludes)
     throw SceneError(where, "found more than " + std::to_string(limits::kIncludes) + " includes, which is more than is accepted");
-  const std::string text = context_.files.read(file, limits::kTextBytes, where);
+  const std::string text = context_.files.read_unpacked(file, limits::kTextBytes, where);
   open_files_.push_back(file);
   if (word == "Import") builder_.import_begin(where);
   parse(text, context_.files.display_name(file), file.parent_path());

@@ -1,12 +1,16 @@
 #include "renderer/scene/ply.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
+#include <map>
 #include <vector>
 
 #include "renderer/scene/lexer.h"
 #include "renderer/scene/scene_error.h"
+#include "renderer/scene/text_file.h"
 
 namespace woodcock {
 
@@ -14,6 +18,16 @@ namespace {
 
 enum class Type { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
 constexpr size_t kBytes[] = {1, 1, 2, 2, 4, 4, 4, 8};
+constexpr std::string_view kBlanks = " \t\r\n\f\v";
+
+/// A number that is not finite, as printf writes it.
+bool is_not_finite(std::string_view text) {
+  std::string word(text);
+  std::transform(word.begin(), word.end(), word.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
+  if (word.starts_with('-') || word.starts_with('+')) word.erase(0, 1);
+  // Windows writes -nan(ind), 1.#IND, 1.#QNAN and 1.#INF.
+  return word.starts_with("nan") || word == "inf" || word == "infinity" || word.starts_with("1.#");
+}
 
 struct Property {
   std::string name;
@@ -46,17 +60,48 @@ class PlyReader {
     }
     if (!seen_vertices_ || !seen_faces_)
       fail("found no " + std::string(seen_vertices_ ? "face" : "vertex") + " element, expected vertices and faces");
+    clear_unused_vertices();
     return std::move(mesh_);
+  }
+
+  /// What was left out, one sentence for each cause.
+  std::vector<std::string> warnings() const {
+    std::vector<std::string> list;
+    for (const auto& [corners, count] : left_out_)
+      list.push_back("PLY file \"" + name_ + "\": " + std::to_string(count) + (count == 1 ? " face" : " faces") + " of " +
+                     std::to_string(corners) + (corners == 1 ? " corner" : " corners") + (count == 1 ? " is left out" : " are left out") +
+                     ", only triangles and quadrilaterals are read (as in pbrt-v4)");
+    if (left_out_.size() > kShownCounts) {
+      uint64_t count = 0;
+      for (const auto& [corners, faces] : left_out_) count += faces;
+      list = {"PLY file \"" + name_ + "\": " + std::to_string(count) + " faces of " + std::to_string(left_out_.begin()->first) + " to " +
+              std::to_string(left_out_.rbegin()->first) +
+              " corners are left out, only triangles and quadrilaterals are read (as in pbrt-v4)"};
+    }
+    if (!face_coordinates_.empty())
+      list.push_back("PLY file \"" + name_ + "\": the texture coordinates of its faces (\"" + face_coordinates_ +
+                     "\") are not read (as in pbrt-v4); those of vertices (u v or s t) are, else a triangle has the default ones");
+    return list;
   }
 
  private:
   [[noreturn]] void fail(const std::string& message) const { throw SceneError(where_, "PLY file \"" + name_ + "\": " + message); }
 
+  /// A line of the header. All lines end as the first one does: behind a CR there may be data that look like LF.
   std::string_view line() {
-    const size_t end = bytes_.find('\n', position_);
+    if (line_end_.empty()) {
+      const size_t end = bytes_.find_first_of("\r\n");
+      line_end_ = end == std::string_view::npos || bytes_[end] == '\n' ? "\n" : bytes_.substr(end).starts_with("\r\n") ? "\r\n" : "\r";
+    }
+    size_t end = bytes_.find(line_end_, position_), length = line_end_.size();
+    // Some writers end a few lines otherwise than the first.
+    if (line_end_ != "\r") {
+      end = bytes_.find('\n', position_);
+      length = 1;
+    }
     if (end == std::string_view::npos) fail("found the end of the file in the header, expected \"end_header\"");
     std::string_view text = bytes_.substr(position_, end - position_);
-    position_ = end + 1;
+    position_ = end + length;
     if (!text.empty() && text.back() == '\r') text.remove_suffix(1);
     return text;
   }
@@ -86,7 +131,8 @@ class PlyReader {
   }
 
   void read_header() {
-    if (line() != "ply") fail("found something else than \"ply\" in the first line (compressed files are not read)");
+    expect_utf8(bytes_, name_);
+    if (line() != "ply") fail("found something else than \"ply\" in the first line: it is no PLY file");
     constexpr size_t kMaxHeaderLines = 1000;
     bool have_format = false;
     for (size_t n = 0; n < kMaxHeaderLines; ++n) {
@@ -134,17 +180,22 @@ class PlyReader {
     if (element.count > uint64_t{0xffffffff}) fail("found more than 2^32 - 1 elements \"" + element.name + "\"");
   }
 
+  std::string_view word() {
+    const size_t begin = std::min(bytes_.find_first_not_of(kBlanks, position_), bytes_.size());
+    position_ = std::min(bytes_.find_first_of(kBlanks, begin), bytes_.size());
+    if (begin == position_) fail("found the end of the file, expected more values");
+    return bytes_.substr(begin, position_ - begin);
+  }
+
   double number(Type type) {
     if (ascii_) {
-      while (position_ < bytes_.size() && std::strchr(" \t\r\n", bytes_[position_])) ++position_;
-      const size_t begin = position_;
-      while (position_ < bytes_.size() && !std::strchr(" \t\r\n", bytes_[position_])) ++position_;
+      const std::string_view text = word();
       double value = 0;
-      if (begin == position_) fail("found the end of the file, expected more values");
-      if (!parse_number(bytes_.substr(begin, position_ - begin), value))
-        fail("found \"" + std::string(bytes_.substr(begin, std::min<size_t>(position_ - begin, 40))) + "\" at byte " +
-             std::to_string(begin) + ", expected a finite number");
-      return value;
+      if (parse_number(text, value)) return value;
+      if (!is_not_finite(text))
+        fail("found \"" + std::string(text.substr(0, 40)) + "\" at byte " + std::to_string(position_ - text.size()) +
+             ", expected a number");
+      return std::numeric_limits<double>::quiet_NaN();
     }
     switch (type) {
       case Type::kInt8:
@@ -191,7 +242,13 @@ class PlyReader {
 
   void skip_property(const Property& p) {
     const uint64_t count = p.is_list ? list_size(p) : 1;
-    for (uint64_t i = 0; i < count; ++i) number(p.type);
+    for (uint64_t i = 0; i < count; ++i) skip_value(p.type);
+  }
+  void skip_value(Type type) {
+    if (ascii_)
+      word();
+    else
+      number(type);
   }
 
   void skip(const Element& element) {
@@ -241,6 +298,8 @@ class PlyReader {
     bool have_indices = false;
     for (const Property& p : element.properties) have_indices |= is_index_list(p);
     if (!have_indices) fail("found faces without a list vertex_indices");
+    for (const Property& p : element.properties)
+      if (is_texture_coordinate(p)) face_coordinates_ = p.name;
     for (uint64_t i = 0; i < element.count; ++i)
       for (const Property& p : element.properties) {
         if (is_index_list(p))
@@ -250,12 +309,37 @@ class PlyReader {
       }
   }
 
+  /// Face properties that hold texture coordinates, by the names that exporters give them.
+  static bool is_texture_coordinate(const Property& p) {
+    return p.is_list && (p.name.starts_with("tex") || p.name == "uv" || p.name == "uvs" || p.name == "st");
+  }
+
+  /// What no face uses is no part of the mesh.
+  void clear_unused_vertices() {
+    std::vector<bool> used(mesh_.positions.size(), false);
+    for (const auto& t : mesh_.triangles)
+      for (const uint32_t v : t) used[v] = true;
+    const auto first = std::find(used.begin(), used.end(), true);
+    const DVec3 somewhere = first == used.end() ? DVec3(0) : mesh_.positions[static_cast<size_t>(first - used.begin())];
+    // NaN compares with nothing.
+    const auto sound = [](const auto& p) { return glm::all(glm::lessThanEqual(glm::abs(p), std::decay_t<decltype(p)>(1e18))); };
+    for (size_t v = 0; v < used.size(); ++v) {
+      if (used[v]) continue;
+      if (!sound(mesh_.positions[v])) mesh_.positions[v] = somewhere;
+      if (!mesh_.normals.empty() && !sound(mesh_.normals[v])) mesh_.normals[v] = Vec3(0);
+      if (!mesh_.uv.empty() && !sound(mesh_.uv[v])) mesh_.uv[v] = Vec2(0);
+    }
+  }
+
   static bool is_index_list(const Property& p) { return p.is_list && (p.name == "vertex_indices" || p.name == "vertex_index"); }
 
   void read_face(const Property& p, uint64_t face) {
     const uint64_t corners = list_size(p);
-    if (corners != 3 && corners != 4)
-      fail("found a face of " + std::to_string(corners) + " corners (face " + std::to_string(face) + "), expected 3 or 4");
+    if (corners != 3 && corners != 4) {
+      for (uint64_t k = 0; k < corners; ++k) skip_value(p.type);
+      ++left_out_[corners];
+      return;
+    }
     uint32_t v[4] = {};
     for (uint64_t k = 0; k < corners; ++k) {
       const double index = number(p.type);
@@ -274,14 +358,21 @@ class PlyReader {
   size_t position_ = 0;
   bool ascii_ = false, swap_ = false;
   bool seen_vertices_ = false, seen_faces_ = false;
+  std::string_view line_end_;
+  static constexpr size_t kShownCounts = 3;
+  std::map<uint64_t, uint64_t> left_out_;  ///< faces by their corners
+  std::string face_coordinates_;
   std::vector<Element> elements_;
   TriangleMesh mesh_;
 };
 
 }  // namespace
 
-TriangleMesh read_ply(std::string_view bytes, const std::string& name, const SourceLocation& where) {
-  return PlyReader(bytes, name, where).read();
+TriangleMesh read_ply(std::string_view bytes, const std::string& name, const SourceLocation& where, std::vector<std::string>& warnings) {
+  PlyReader reader(bytes, name, where);
+  TriangleMesh mesh = reader.read();
+  for (std::string& warning : reader.warnings()) warnings.push_back(std::move(warning));
+  return mesh;
 }
 
 }  // namespace woodcock

@@ -5,6 +5,7 @@
 #include "renderer/scene/limits.h"
 #include "renderer/scene/read_parts.h"
 #include "renderer/scene/scene_error.h"
+#include "renderer/scene/text_file.h"
 
 namespace woodcock {
 
@@ -82,7 +83,12 @@ FilmDescription read_film(const std::string& kind, Parameters& parameters) {
   if (film.pixel_bounds[0] >= film.pixel_bounds[1] || film.pixel_bounds[2] >= film.pixel_bounds[3])
     throw SceneError(parameters.place(crop.empty() ? "pixelbounds" : "cropwindow"),
                      "found an empty part of the image, expected at least one pixel");
-  film.file_name = parameters.string("filename", film.file_name);
+  const std::string file_name = parameters.string("filename", film.file_name);
+  if (as_written(file_name) != file_name)
+    throw SceneError(parameters.place("filename"), "found the file name \"" + as_written(file_name) +
+                                                       "\", in which a backslash begins an escape; write the path with slashes: \"" +
+                                                       with_slashes(as_written(file_name)) + "\"");
+  film.file_name = file_name;
   if (parameters.has("maxcomponentvalue"))
     film.max_component_value = static_cast<float>(parameters.number_within("maxcomponentvalue", 1, 1e-30, 3e38));
   // pbrt-v4's sensor "cie1931" multiplies by exposure time × iso / 100; the time is the camera's shutter time.

@@ -1,22 +1,16 @@
 // MakeNamedMedium.
 #include <cmath>
 
+#include "renderer/scene/emission_checks.h"
 #include "renderer/scene/limits.h"
-#include "renderer/scene/read_parts.h"
+#include "renderer/scene/read_media_parts.h"
 #include "renderer/scene/scattering_presets.h"
 #include "renderer/scene/scene_error.h"
-#include "renderer/scene/volume_files.h"
 
 namespace woodcock {
 
-namespace {
-
-struct Coefficients {
-  Rgb sigma_a{1}, sigma_s{1};
-};
-
-Coefficients read_coefficients(Parameters& parameters) {
-  Coefficients c;
+MediumCoefficients read_coefficients(Parameters& parameters) {
+  MediumCoefficients c;
   const auto sigma_a = parameters.color("sigma_a", SpectrumUse::kUnbounded);
   const auto sigma_s = parameters.color("sigma_s", SpectrumUse::kUnbounded);
   const std::string preset_name = parameters.string("preset", "");
@@ -39,13 +33,24 @@ Coefficients read_coefficients(Parameters& parameters) {
 
 float read_emission_scale(Parameters& parameters) { return static_cast<float>(parameters.number_within("Lescale", 1, 0, 1e30)); }
 
+void read_temperature_scale(Parameters& parameters, GridMediumDescription& medium) {
+  constexpr float kColdest = 100;
+  medium.temperature_scale = parameters.real("temperaturescale", 1);
+  const float cutoff = parameters.real("temperaturecutoff", 0);
+  medium.temperature_offset = parameters.real("temperatureoffset", cutoff);
+  medium.temperature_cutoff = kColdest;
+}
+
+namespace {
+
 HomogeneousDescription read_homogeneous(Parameters& parameters) {
   HomogeneousDescription medium;
-  const Coefficients c = read_coefficients(parameters);
+  const MediumCoefficients c = read_coefficients(parameters);
   medium.sigma_a = c.sigma_a;
   medium.sigma_s = c.sigma_s;
   medium.emission = read_emission_scale(parameters) * parameters.color("Le", SpectrumUse::kIlluminant).value_or(Rgb(0));
   medium.phase = read_phase(parameters);
+  warn_if_dark(parameters, medium);
   return medium;
 }
 
@@ -102,20 +107,11 @@ std::shared_ptr<const FloatVolume> read_dense(Parameters& parameters, const std:
   return std::make_shared<const FloatVolume>(std::move(grid));
 }
 
-/// T = (value − offset) · scale; pbrt-v4 emits nothing at or below 100 K.
-void read_temperature(Parameters& parameters, GridMediumDescription& medium) {
-  constexpr float kColdest = 100;
-  medium.temperature_scale = parameters.real("temperaturescale", 1);
-  const float cutoff = parameters.real("temperaturecutoff", 0);
-  medium.temperature_offset = parameters.real("temperatureoffset", cutoff);
-  medium.temperature_cutoff = kColdest;
-}
-
 GridMediumDescription read_uniform_grid(Parameters& parameters) {
   GridMediumDescription medium;
   DenseGrid<float> box;
   read_box(parameters, box);
-  const Coefficients c = read_coefficients(parameters);
+  const MediumCoefficients c = read_coefficients(parameters);
   medium.sigma_a = c.sigma_a;
   medium.sigma_s = c.sigma_s;
   medium.phase = read_phase(parameters);
@@ -124,12 +120,14 @@ GridMediumDescription read_uniform_grid(Parameters& parameters) {
     throw SceneError(parameters.where(), "found " + parameters.directive() + " without \"float density\", expected nx * ny * nz values");
   medium.temperature = read_dense(parameters, "temperature", box, true);
   medium.emission_grid = read_dense(parameters, "Lescale", box, false);
-  read_temperature(parameters, medium);
+  read_temperature_scale(parameters, medium);
   const auto emission = parameters.color("Le", SpectrumUse::kIlluminant);
   if (emission && medium.temperature)
     throw SceneError(parameters.place("Le"),
                      "found both \"Le\" and \"temperature\" for " + parameters.directive() + ", expected one of them");
   medium.emission = emission.value_or(Rgb(medium.temperature ? 1.0f : 0.0f));
+  warn_if_empty(parameters, *medium.density);
+  warn_if_dark(parameters, medium);
   return medium;
 }
 
@@ -141,10 +139,18 @@ RgbGridMediumDescription read_rgb_grid(Parameters& parameters) {
     if (!parameters.has(name)) return nullptr;
     std::vector<Rgb> values = parameters.colors(name);
     expect_voxels(parameters, name, values.size(), box.size);
-    for (size_t i = 0; i < values.size(); ++i)
-      if (!is_finite(values[i]) || values[i].r < 0 || values[i].g < 0 || values[i].b < 0)
-        throw SceneError(parameters.place(name), "found a negative value, or one that is not finite, at voxel " + voxel_name(i, box.size) +
-                                                     " of \"" + name + "\" in " + parameters.directive());
+    size_t negative = 0;
+    for (size_t i = 0; i < values.size(); ++i) {
+      if (!is_finite(values[i]))
+        throw SceneError(parameters.place(name), "found a value that is not finite at voxel " + voxel_name(i, box.size) + " of \"" + name +
+                                                     "\" in " + parameters.directive());
+      if (min_component(values[i]) >= 0) continue;
+      ++negative;
+      values[i] = glm::max(values[i], Rgb(0));
+    }
+    if (negative)
+      parameters.context().warn(parameters.place(name),
+                                "negative values of \"" + name + "\" in " + std::to_string(negative) + " voxels are taken as 0");
     RgbVolume volume = box;
     if (!parameters.context().options.skip_payload) volume.values = std::move(values);
     return std::make_shared<const RgbVolume>(std::move(volume));
@@ -160,49 +166,14 @@ RgbGridMediumDescription read_rgb_grid(Parameters& parameters) {
   medium.scale = static_cast<float>(parameters.number_within("scale", 1, 0, 1e30));
   medium.emission_scale = read_emission_scale(parameters);
   medium.phase = read_phase(parameters);
-  return medium;
-}
-
-GridMediumDescription read_volume_file(const std::string& kind, Parameters& parameters) {
-  GridMediumDescription medium;
-  const Coefficients c = read_coefficients(parameters);
-  medium.sigma_a = c.sigma_a;
-  medium.sigma_s = c.sigma_s;
-  medium.phase = read_phase(parameters);
-  medium.emission_scale = read_emission_scale(parameters);
-  read_temperature(parameters, medium);
-  const std::string density_name = parameters.string("gridname", "density");
-  const std::string temperature_name = parameters.string("temperaturename", "temperature");
-  const std::filesystem::path file = parameters.file("filename");
-  const SourceLocation where = parameters.place("filename");
-  if (file.empty())
-    throw SceneError(where, "found " + parameters.directive() + " without \"string filename\", expected the path of a volume file");
-  ReadContext& context = parameters.context();
-  const std::string bytes = context.files.read(file, limits::kFileBytes, where);
-  const std::string name = context.files.display_name(file);
-  const bool is_openvdb = file.extension() == ".vdb";
-  if (kind == "openvdb" && !is_openvdb)
-    throw SceneError(where, "found \"" + name + "\" for a medium of type \"openvdb\", expected a .vdb file");
-  const auto load = [&](const std::string& grid_name, GridMeaning meaning) -> std::shared_ptr<const FloatVolume> {
-    auto read = is_openvdb ? read_openvdb(bytes, grid_name, meaning, name, where)
-                           : read_nanovdb(bytes, grid_name, meaning, context.options.skip_payload, name, where);
-    if (!read) return nullptr;
-    if (read->negative)
-      context.warn(where, std::to_string(read->negative) + " negative values of grid \"" + grid_name + "\" are taken as 0");
-    if (context.options.skip_payload) read->grid.buffer = nullptr;
-    return std::make_shared<const FloatVolume>(std::move(read->grid));
-  };
-  medium.density = load(density_name, GridMeaning::kDensity);
-  if (!medium.density)
-    throw SceneError(where, "found no grid \"" + density_name + "\" in \"" + name + "\", expected a float grid of that name");
-  medium.temperature = load(temperature_name, GridMeaning::kTemperature);
-  medium.emission = Rgb(medium.temperature ? 1.0f : 0.0f);
+  warn_if_empty(parameters, medium);
+  warn_if_dark(parameters, medium);
   return medium;
 }
 
 CloudMediumDescription read_cloud(Parameters& parameters) {
   CloudMediumDescription cloud;
-  const Coefficients c = read_coefficients(parameters);
+  const MediumCoefficients c = read_coefficients(parameters);
   cloud.sigma_a = c.sigma_a;
   cloud.sigma_s = c.sigma_s;
   cloud.phase = read_phase(parameters);

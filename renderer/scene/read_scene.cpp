@@ -37,7 +37,7 @@ SceneDescription read_scene(const std::string& path, const ReadOptions& options)
   SceneFiles files(std::filesystem::path(path).parent_path(), options.allow_outside_files);
   const std::filesystem::path name = std::filesystem::path(path).filename();
   const std::filesystem::path file = files.resolve(name.string(), files.root(), start);
-  const std::string text = files.read(file, limits::kTextBytes, start);
+  const std::string text = files.read_unpacked(file, limits::kTextBytes, start);
   return read_text(text, files.display_name(file), file, files, options);
 }
 

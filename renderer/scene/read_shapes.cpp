@@ -74,8 +74,10 @@ ShapeKind read_ply_shape(Parameters& parameters) {
   parameters.refuse("edgelength", false);
   for (const char* name : {"displacement.edgelength", "displacement.maxlevel"}) parameters.refuse(name, false);
   ReadContext& context = parameters.context();
-  const std::string bytes = context.files.read(file, uint64_t{1} << 36, parameters.place("filename"));
-  auto mesh = std::make_shared<TriangleMesh>(read_ply(bytes, context.files.display_name(file), parameters.place("filename")));
+  const std::string bytes = context.files.read_unpacked(file, uint64_t{1} << 36, parameters.place("filename"));
+  std::vector<std::string> warnings;
+  auto mesh = std::make_shared<TriangleMesh>(read_ply(bytes, context.files.display_name(file), parameters.place("filename"), warnings));
+  for (const std::string& warning : warnings) context.warn(parameters.place("filename"), warning);
   check_vertices(*mesh, parameters.place("filename"), quoted_list({context.files.display_name(file)}));
   if (const size_t dropped = drop_degenerate_triangles(*mesh))
     context.warn(parameters.place("filename"), std::to_string(dropped) + " triangles without area are left out");

@@ -1,6 +1,7 @@
 // Texture: values that vary over a surface.
 #include <cmath>
 
+#include "renderer/scene/flat_transform.h"
 #include "renderer/scene/read_parts.h"
 #include "renderer/scene/scene_error.h"
 
@@ -22,10 +23,19 @@ struct RgbFamily {
   static Rgb constant(float v) { return Rgb(v); }
 };
 
+DMat4 inverse_of(const DMat4& world_from_texture, const Parameters& parameters) {
+  if (dimensions_of(world_from_texture) < 3)
+    throw SceneError(parameters.where(),
+                     "found " + parameters.directive() +
+                         " mapped by a singular transform, which flattens space (a scale of 0?), expected one that can be inverted");
+  return glm::inverse(world_from_texture);
+}
+
 TextureMapping read_mapping(Parameters& parameters, const DMat4& world_from_texture) {
   TextureMapping mapping;
   const std::string kind = parameters.choice("mapping", "uv", {"uv", "planar", "spherical", "cylindrical"});
-  mapping.texture_from_world = glm::inverse(world_from_texture);
+  // What is mapped by u and v needs no place.
+  if (kind != "uv" || dimensions_of(world_from_texture) == 3) mapping.texture_from_world = inverse_of(world_from_texture, parameters);
   if (kind == "uv") {
     mapping.su = parameters.real("uscale", 1);
     mapping.sv = parameters.real("vscale", 1);
@@ -106,7 +116,7 @@ typename Family::Description read_texture(const std::string& name, const std::st
       board.mapping = read_mapping(parameters, world_from_texture);
     } else {
       board.mapping.kind = TextureMapping::Kind::kPoint3D;
-      board.mapping.texture_from_world = glm::inverse(world_from_texture);
+      board.mapping.texture_from_world = inverse_of(world_from_texture, parameters);
     }
     texture.kind = board;
   } else if (kind == "imagemap") {

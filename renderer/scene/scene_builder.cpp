@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "renderer/scene/flat_transform.h"
 #include "renderer/scene/limits.h"
 #include "renderer/scene/scene_error.h"
 
@@ -63,19 +64,14 @@ void SceneBuilder::expect_world(const std::string& word, const SourceLocation& w
 // --- transforms
 
 namespace {
-/// Throws unless `m` is affine, finite and invertible.
-void expect_regular(const DMat4& m, const SourceLocation& where) {
-  double product = 1;
+/// Throws unless `m` is affine and finite. One that flattens space (a scale of 0) is judged where it is used.
+void expect_affine(const DMat4& m, const SourceLocation& where) {
   bool finite = true;
-  for (int column = 0; column < 4; ++column) {
+  for (int column = 0; column < 4; ++column)
     for (int row = 0; row < 4; ++row) finite = finite && std::isfinite(m[column][row]);
-    if (column < 3) product *= glm::length(DVec3(m[column]));
-  }
   const bool affine = m[0][3] == 0 && m[1][3] == 0 && m[2][3] == 0 && m[3][3] == 1;
+  if (!finite) throw SceneError(where, "found a transform that overflows, expected one with finite numbers");
   if (!affine) throw SceneError(where, "found a projective transform, expected an affine one (last row 0 0 0 1)");
-  const double determinant = std::abs(glm::dot(DVec3(m[0]), glm::cross(DVec3(m[1]), DVec3(m[2]))));
-  if (!finite || !(product > 0) || !(determinant > 1e-12 * product))
-    throw SceneError(where, "found a singular transform (it flattens space, or overflows), expected one that can be inverted");
 }
 }  // namespace
 
@@ -88,12 +84,12 @@ void SceneBuilder::multiply(const DMat4& matrix, const SourceLocation& where) {
   for (int i = 0; i < 2; ++i)
     if (state_.active & (1u << i)) {
       state_.transform[i] = state_.transform[i] * matrix;
-      expect_regular(state_.transform[i], where);
+      expect_affine(state_.transform[i], where);
     }
 }
 
 void SceneBuilder::set_transform(const DMat4& matrix, const SourceLocation& where) {
-  expect_regular(matrix, where);
+  expect_affine(matrix, where);
   for (int i = 0; i < 2; ++i)
     if (state_.active & (1u << i)) state_.transform[i] = matrix;
 }
@@ -130,6 +126,14 @@ DMat4 SceneBuilder::current_transform(const std::string& what, const SourceLocat
   if (state_.transform[0] != state_.transform[1])
     context_.unsupported(where, what + " with a transform that changes over time (motion blur)");
   return state_.transform[0];
+}
+
+DMat4 SceneBuilder::current_regular_transform(const std::string& what, const SourceLocation& where) {
+  const DMat4 m = current_transform(what, where);
+  if (dimensions_of(m) < 3)
+    throw SceneError(
+        where, "found " + what + " under a singular transform, which flattens space (a scale of 0?), expected one that can be inverted");
+  return m;
 }
 
 // --- blocks
@@ -173,7 +177,12 @@ void SceneBuilder::object_instance(const std::string& name, const SourceLocation
   expect_world("ObjectInstance", where);
   if (current_object_ != kNone) throw SceneError(where, "found ObjectInstance inside ObjectBegin, expected ObjectEnd first");
   expect_room(context_.scene.instances.size(), limits::kObjects, "object instances", where);
-  context_.scene.instances.push_back({where, object_references_.refer(name, where), current_transform("ObjectInstance", where)});
+  const int object = object_references_.refer(name, where);
+  if (dimensions_of(current_transform("ObjectInstance", where)) < 2) {
+    context_.warn(where, "ObjectInstance \"" + name + "\" under a scale of 0 has no area and is left out");
+    return;
+  }
+  context_.scene.instances.push_back({where, object, current_regular_transform("ObjectInstance \"" + name + "\"", where)});
 }
 
 void SceneBuilder::world_begin(const SourceLocation& where) {
@@ -234,7 +243,7 @@ void SceneBuilder::camera(const std::string& kind, ParameterList list, const Sou
   CameraDescription camera = read_camera(kind, parameters);
   // The parameters of a camera that is left out under --allow-unsupported mean nothing to the one that replaces it.
   if (kind == "perspective" || kind == "orthographic") parameters.finish();
-  camera.world_from_camera = glm::inverse(current_transform("Camera", where));
+  camera.world_from_camera = glm::inverse(current_regular_transform("Camera", where));
   coordinate_systems_["camera"] = {glm::inverse(state_.transform[0]), glm::inverse(state_.transform[1])};
   camera.media = state_.media;
   context_.scene.camera = camera;

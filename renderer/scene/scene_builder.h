@@ -107,6 +107,8 @@ class SceneBuilder {
   void expect_options(const std::string& word, const SourceLocation& where) const;
   void expect_world(const std::string& word, const SourceLocation& where) const;
   DMat4 current_transform(const std::string& what, const SourceLocation& where);
+  /// The same where it must have an inverse.
+  DMat4 current_regular_transform(const std::string& what, const SourceLocation& where);
   static void expect_room(size_t held, int64_t limit, const std::string& what, const SourceLocation& where);
   int add_material(const std::string& name, PendingMaterial pending, const SourceLocation& where);
   void build_materials();

@@ -1,4 +1,5 @@
 // What is in the world: textures, materials, media, lights, shapes.
+#include "renderer/scene/flat_transform.h"
 #include "renderer/scene/limits.h"
 #include "renderer/scene/scene_builder.h"
 #include "renderer/scene/scene_error.h"
@@ -74,9 +75,16 @@ void SceneBuilder::make_named_medium(const std::string& name, ParameterList list
   const std::string kind = take_type(list, "MakeNamedMedium \"" + name + "\"", where);
   Parameters parameters(context_, "MakeNamedMedium \"" + name + "\" of type \"" + kind + "\"", where, std::move(list),
                         state_.medium_attributes);
-  const DMat4 transform = current_transform("MakeNamedMedium", where);
+  DMat4 transform = current_transform("MakeNamedMedium", where);
   if (auto medium = read_medium(kind, parameters)) {
     parameters.finish();
+    // What is the same everywhere has no place.
+    const bool placed =
+        !std::holds_alternative<HomogeneousDescription>(medium->kind) && !std::holds_alternative<SumMediumDescription>(medium->kind);
+    if (placed)
+      transform = current_regular_transform("MakeNamedMedium \"" + name + "\"", where);
+    else if (dimensions_of(transform) < 3)
+      transform = DMat4(1);
     if (auto* sum = std::get_if<SumMediumDescription>(&medium->kind))
       for (const std::string& part : medium->summed) sum->media.push_back(medium_references_.refer(part, parameters.place("media")));
     medium_names_[name] = static_cast<int>(context_.scene.media.size());
@@ -91,7 +99,8 @@ void SceneBuilder::light_source(const std::string& kind, ParameterList list, con
   const auto light = read_light(kind, parameters);
   if (!light) return;
   parameters.finish();
-  context_.scene.lights.push_back({where, current_transform("LightSource", where), state_.media.outside, state_.media.given, *light});
+  context_.scene.lights.push_back(
+      {where, current_regular_transform("LightSource \"" + kind + "\"", where), state_.media.outside, state_.media.given, *light});
 }
 
 void SceneBuilder::area_light_source(const std::string& kind, ParameterList list, const SourceLocation& where) {
@@ -118,6 +127,17 @@ void SceneBuilder::shape(const std::string& kind, ParameterList list, const Sour
   shape.where = where;
   shape.kind = std::move(*geometry);
   shape.world_from_object = current_transform("Shape", where);
+  const bool is_mesh = std::holds_alternative<std::shared_ptr<const TriangleMesh>>(shape.kind) ||
+                       std::holds_alternative<std::shared_ptr<const BilinearMesh>>(shape.kind);
+  if (dimensions_of(shape.world_from_object) < 3 && !(is_mesh && context_.options.skip_payload)) {
+    size_t dropped = 0;
+    const bool has_area = restore_flat_shape(shape, "Shape \"" + kind + "\"", dropped);
+    if (!has_area)
+      context_.warn(where, "Shape \"" + kind + "\" under a scale of 0 has no area and is left out");
+    else if (dropped != 0)
+      context_.warn(where, std::to_string(dropped) + " faces without area under a scale of 0 are left out");
+    if (!has_area) return;
+  }
   shape.reverse_orientation = state_.reverse_orientation;
   shape.material = state_.material;
   shape.media = state_.media;

@@ -12,6 +12,7 @@
 #include "renderer/core/sha256.h"
 #include "renderer/scene/limits.h"
 #include "renderer/scene/scene_error.h"
+#include "renderer/scene/text_file.h"
 
 namespace woodcock {
 
@@ -66,27 +67,53 @@ SceneFiles::SceneFiles(const fs::path& root, bool allow_outside) : allow_outside
   if (error) throw SceneError({root.string(), 0, 0}, "cannot open the scene's folder: " + error.message());
 }
 
-fs::path SceneFiles::resolve(const std::string& name, const fs::path& folder, const SourceLocation& where) const {
-  if (name.empty()) throw SceneError(where, "found an empty file name, expected the path of a file");
-  if (name.find('\0') != std::string::npos) throw SceneError(where, "found a file name with a zero byte in it");
+namespace {
+
+/// What to do about a name that no file has, where the name itself tells.
+std::string advice_on(const std::string& name) {
+  if (name.find("<UDIM>") != std::string::npos || name.find("<udim>") != std::string::npos || name.find("<UVTILE>") != std::string::npos)
+    return ". Sets of UDIM tiles are not read: name one image, e.g. tile 1001";
+  const std::string written = as_written(name);
+  if (written.find('\\') == std::string::npos) return "";
+  return (written == name ? ". A backslash is no separator of folders here"
+                          : ". A backslash begins an escape, such as \\n for a new line") +
+         std::string(": write the path with slashes: \"") + with_slashes(written) + '"';
+}
+
+}  // namespace
+
+/// The path of `name` in the first folder that has it, else in the last one; refuses what lies outside.
+fs::path SceneFiles::find(const std::string& name, const fs::path& folder, const SourceLocation& where) const {
   std::error_code error;
   fs::path found;
   // pbrt-v4 looks below the main file only; scenes in parts name files beside the part as often. The part's folder wins.
   for (const fs::path& base : {folder, root_}) {
     found = fs::weakly_canonical(base / name, error);
-    if (error) throw SceneError(where, "cannot resolve \"" + name + "\": " + error.message());
+    if (error) throw SceneError(where, "cannot resolve \"" + as_written(name) + "\": " + error.message());
     if (!allow_outside_ && !is_below(found, root_)) continue;
     if (fs::exists(found, error)) break;
   }
   if (!allow_outside_ && !is_below(found, root_))
-    throw SceneError(where, "found the file \"" + name + "\" outside the scene's folder \"" + root_.string() +
+    throw SceneError(where, "found the file \"" + as_written(name) + "\" outside the scene's folder \"" + root_.string() +
                                 "\"; expected a file below it. Copy it there, or allow outside files (local use only)");
+  return found;
+}
+
+fs::path SceneFiles::resolve(const std::string& name, const fs::path& folder, const SourceLocation& where) const {
+  if (name.empty()) throw SceneError(where, "found an empty file name, expected the path of a file");
+  if (name.find('\0') != std::string::npos) throw SceneError(where, "found a file name with a zero byte in it");
+  std::error_code error;
+  fs::path found = find(name, folder, where);
+  if (name.find('\\') != std::string::npos && !fs::exists(found, error)) {
+    const fs::path with_folders = find(with_slashes(name), folder, where);
+    if (fs::exists(with_folders, error)) found = with_folders;
+  }
   const fs::file_status status = fs::status(found, error);
   if (!fs::exists(status))
-    throw SceneError(where,
-                     "cannot find the file \"" + name + "\"; looked for it in \"" + folder.string() + "\" and in the scene's folder");
+    throw SceneError(where, "cannot find the file \"" + as_written(name) + "\"; looked for it in \"" + folder.string() +
+                                "\" and in the scene's folder" + advice_on(name));
   if (!fs::is_regular_file(status))
-    throw SceneError(where, "found \"" + name + "\", which is not a regular file; devices, pipes and folders are not read");
+    throw SceneError(where, "found \"" + as_written(name) + "\", which is not a regular file; devices, pipes and folders are not read");
   return found;
 }
 
@@ -106,6 +133,11 @@ std::string SceneFiles::read(const fs::path& file, uint64_t max_bytes, const Sou
   const std::string relative = file.lexically_relative(root_).generic_string();
   files_[relative] = {relative, file.string(), hash.hex(), content.size()};
   return content;
+}
+
+std::string SceneFiles::read_unpacked(const fs::path& file, uint64_t max_bytes, const SourceLocation& where) {
+  std::string content = read(file, max_bytes, where);
+  return is_gzip(content) ? unpack_gzip(content, max_bytes, display_name(file), where) : content;
 }
 
 void SceneFiles::record(const fs::path& file, const SourceLocation& where) {

@@ -81,6 +81,12 @@ float Image::scalar_at(int x, int y) const {
   return alpha.empty() ? average(pixels[i]) : alpha[i];
 }
 
+std::string Image::note_on_negatives() const {
+  if (negative_pixels == 0) return "";
+  return "image \"" + file + "\": negative values in " + std::to_string(negative_pixels) + " of " + std::to_string(pixels.size()) +
+         " pixels are read as 0 (the smallest is " + std::to_string(smallest) + ")";
+}
+
 Rgb Image::bilinear(Vec2 st, ImageWrap wrap) const { return lookup_bilinear<Rgb>(*this, st, wrap); }
 float Image::bilinear_scalar(Vec2 st, ImageWrap wrap) const { return lookup_bilinear<float>(*this, st, wrap); }
 Rgb Image::nearest(Vec2 st, ImageWrap wrap) const { return lookup_nearest<Rgb>(*this, st, wrap); }

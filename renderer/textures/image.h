@@ -21,7 +21,13 @@ enum class ImageWrap {
 struct Image {
   int width = 0, height = 0;
   std::vector<Rgb> pixels;   ///< linear; a grey file repeats its value in the three channels
-  std::vector<float> alpha;  ///< one a pixel, or empty where the file has none or it is 1 everywhere
+  std::vector<float> alpha;  ///< of RGBA files only: one a pixel, or empty where it is 1 everywhere
+  std::string file;          ///< its name without the folder, for messages
+  /// Pixels with a negative channel, which is read as 0, and the smallest value.
+  size_t negative_pixels = 0;
+  float smallest = 0;
+  /// The file has alpha beside a single grey channel: pbrt-v4 does not read it, and it is not read here.
+  bool has_unread_alpha = false;
 
   Rgb at(int x, int y) const { return pixels[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)]; }
 
@@ -35,14 +41,17 @@ struct Image {
   /// The pixel that contains st.
   Rgb nearest(Vec2 st, ImageWrap wrap) const;
   float nearest_scalar(Vec2 st, ImageWrap wrap) const;
+
+  /// A sentence about the negative pixels, empty where there are none.
+  std::string note_on_negatives() const;
 };
 
 /// Reads `path` through OpenImageIO (PNG, JPEG, EXR, HDR, TIFF, …).
 ///
 /// `encoding` says how integer-coded values become linear ones: "" or "sRGB", "linear", or "gamma <g>" for
-/// v^g; floating-point files are linear whatever it says, as in pbrt-v4. Throws SceneError at `where` for a file that
-/// cannot be read, has no colour channels, is larger than 16384 pixels a side or 1 GiB, or holds a value that
-/// is not finite.
+/// v^g; floating-point files are linear whatever it says, as in pbrt-v4. Alpha is read from RGBA files only, as in pbrt-v4. Throws
+/// SceneError at `where` for a file that cannot be read, has no colour channels, is larger than 16384 pixels a side or 1 GiB, or holds a
+/// value that is not finite.
 Image load_image(const std::string& path, const std::string& encoding, const SourceLocation& where);
 
 }  // namespace woodcock

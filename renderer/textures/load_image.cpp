@@ -35,17 +35,26 @@ Decoder decoder(const std::string& encoding, const SourceLocation& where) {
   throw SceneError(where, "found image encoding \"" + encoding + "\", expected \"sRGB\", \"linear\" or \"gamma <positive number>\"");
 }
 
-/// Which channels of the file are read: `count` adjacent ones from `first`; 1 grey, 2 grey and alpha, 3 RGB, 4 RGBA.
+/// Which channels of the file are read: `count` adjacent ones from `first`; 1 grey, 3 RGB, 4 RGBA.
 struct Channels {
   int first = 0, count = 0;
+  bool unread_alpha = false;
 };
+
+std::string channel_list(const OIIO::ImageSpec& spec) {
+  constexpr size_t kShown = 20;
+  std::string list;
+  for (size_t i = 0; i < spec.channelnames.size() && i < kShown; ++i) list += " \"" + spec.channelnames[i] + "\"";
+  return list + (spec.channelnames.size() > kShown ? " …" : "");
+}
 
 Channels choose_channels(const OIIO::ImageSpec& spec, const std::string& path, const SourceLocation& where) {
   if (spec.nchannels == 1) return {0, 1};
-  if (spec.nchannels == 2 && spec.alpha_channel == 1) return {0, 2};
+  if (spec.nchannels == 2 && spec.alpha_channel == 1) return {0, 1, true};
   const int r = spec.channelindex("R"), g = spec.channelindex("G"), b = spec.channelindex("B");
   if (r < 0 || g != r + 1 || b != r + 2)
-    throw SceneError(where, "image \"" + path + "\" has no adjacent channels R, G, B; expected grey, RGB or RGBA");
+    throw SceneError(where, "image \"" + path + "\" has the channels" + channel_list(spec) +
+                                ", expected one (grey), or R, G, B and perhaps A; write the layer that is meant to a file of its own");
   return {r, spec.alpha_channel == r + 3 ? 4 : 3};
 }
 
@@ -54,7 +63,7 @@ void check_size(const OIIO::ImageSpec& spec, int channels, const std::string& pa
   const auto size = [&] { return std::to_string(spec.width) + " x " + std::to_string(spec.height); };
   if (spec.width < 1 || spec.height < 1 || spec.width > kMaxSide || spec.height > kMaxSide)
     throw SceneError(where, "image \"" + path + "\" is " + size() + " pixels; expected 1 to " + std::to_string(kMaxSide) + " a side");
-  const uint64_t floats = static_cast<uint64_t>(std::max(channels, channels == 2 ? 4 : 3));
+  const uint64_t floats = static_cast<uint64_t>(std::max(channels, 3));
   if (static_cast<uint64_t>(spec.width) * static_cast<uint64_t>(spec.height) * floats * sizeof(float) > kMaxBytes)
     throw SceneError(where, "image \"" + path + "\" is " + size() + " pixels, more than 1 GiB in memory; reduce it");
 }
@@ -62,7 +71,7 @@ void check_size(const OIIO::ImageSpec& spec, int channels, const std::string& pa
 /// Spreads `raw` (`channels` floats a pixel) over colour and alpha.
 void fill(Image& image, const std::vector<float>& raw, int channels) {
   const size_t n = static_cast<size_t>(image.width) * static_cast<size_t>(image.height), stride = static_cast<size_t>(channels);
-  const bool colour = channels >= 3, with_alpha = channels == 2 || channels == 4;
+  const bool colour = channels >= 3, with_alpha = channels == 4;
   image.pixels.resize(n);
   for (size_t i = 0; i < n; ++i) {
     const float* p = &raw[i * stride];
@@ -74,6 +83,15 @@ void fill(Image& image, const std::vector<float>& raw, int channels) {
   if (opaque) return;
   image.alpha.resize(n);
   for (size_t i = 0; i < n; ++i) image.alpha[i] = raw[i * stride + stride - 1];
+}
+
+void count_negatives(Image& image) {
+  for (const Rgb& p : image.pixels) {
+    const float least = min_component(p);
+    if (least >= 0) continue;
+    ++image.negative_pixels;
+    image.smallest = std::min(image.smallest, least);
+  }
 }
 
 /// Decodes integer-coded colours. Eight-bit ones have 256 values, so a table does.
@@ -107,6 +125,8 @@ Image read(const std::string& path, const Decoder& decode, const SourceLocation&
   const Channels channels = choose_channels(spec, path, where);
   check_size(spec, channels.count, path, where);
   Image image;
+  image.file = std::filesystem::path(path).filename().string();
+  image.has_unread_alpha = channels.unread_alpha;
   image.width = spec.width;
   image.height = spec.height;
   std::vector<float> raw(static_cast<size_t>(spec.width) * static_cast<size_t>(spec.height) * static_cast<size_t>(channels.count));
@@ -115,7 +135,10 @@ Image read(const std::string& path, const Decoder& decode, const SourceLocation&
     throw SceneError(where, "cannot read image \"" + path + "\": " + input->geterror());
   fill(image, raw, channels.count);
   check_finite(image, path, where);
-  if (integers) linearise(image, decode, eight_bit);
+  if (integers)
+    linearise(image, decode, eight_bit);
+  else
+    count_negatives(image);
   return image;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <variant>
 #include <vector>
 
@@ -35,6 +36,13 @@ struct TextureNode {
   std::variant<typename Description::Constant, typename Description::Scale, typename Description::Mix, Checkerboard, ImageLookup> kind;
 };
 
+/// How large the values of a texture get.
+struct TextureRange {
+  float largest = 0;     ///< a bound, which simple textures reach
+  size_t above_one = 0;  ///< pixels above 1, where the texture is one image
+  size_t pixels = 0;     ///< all its pixels
+};
+
 /// All textures of a scene. Immutable after construction, so any number of threads may evaluate.
 class Textures {
  public:
@@ -47,6 +55,13 @@ class Textures {
   /// Values are as the file says: not clamped to [0, 1], except that images are never negative.
   float eval(const FloatParameter& parameter, const TextureContext& at) const;
   Rgb eval(const RgbParameter& parameter, const TextureContext& at) const;
+
+  /// The range of `scale` times a parameter. Looks at every pixel of its images.
+  TextureRange range(const FloatParameter& parameter, float scale = 1) const;
+  TextureRange range(const RgbParameter& parameter, float scale = 1) const;
+
+  /// What of the images is not used as it stands in the files, one sentence each; for the user.
+  std::vector<std::string> notes() const;
 
  private:
   std::vector<TextureNode<FloatParameter>> float_nodes_;

@@ -11,6 +11,7 @@
 #include "renderer/world/contacts.h"
 #include "renderer/world/effect_plan.h"
 #include "renderer/world/junction.h"
+#include "renderer/world/scene_notes.h"
 #include "renderer/world/thin_media.h"
 
 namespace woodcock {
@@ -218,6 +219,8 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
   world->materials = Materials(scene, world->textures, space.scale);
   world->media = std::move(media);
   for (const auto& note : world->media.notes()) world->notes.push_back(note);
+  for (const auto& note : world->textures.notes()) world->notes.push_back(note);
+  for (const auto& note : world->lights.notes()) world->notes.push_back(note);
 
   const auto add_surface = [&](const ShapeDescription& s, int shape) {
     SurfaceInfo info;
@@ -268,6 +271,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
     }
   world->emissive_choice = DiscreteDistribution(powers);
   world->effects = effect_bits(plan_effects(scene, *world));
+  for (auto& note : scene_notes(scene, *world)) world->notes.push_back(std::move(note));
   return world;
 }
 

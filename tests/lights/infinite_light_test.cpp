@@ -138,8 +138,24 @@ TEST(InfiniteLight, IlluminanceSetsTheIrradianceOfAConstantSky) {
 
 TEST(InfiniteLight, RefusesPicturesThatAreNotSquare) {
   InfiniteLightDescription light;
-  light.image_file = write_pfm("wide.pfm", 2, 1, {Rgb(1), Rgb(1)});
+  light.image_file = write_pfm("tall.pfm", 1, 2, {Rgb(1), Rgb(1)});
   EXPECT_THROW(one_light(light), SceneError);
+  // The shape of most pictures of skies is named, with what to do about it.
+  light.image_file = write_pfm("wide.pfm", 2, 1, {Rgb(1), Rgb(1)});
+  try {
+    one_light(light);
+    ADD_FAILURE();
+  } catch (const SceneError& error) {
+    for (const char* words : {"wide.pfm", "2x1", "latitude-longitude", "octahedral", "makeequiarea"})
+      EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
+  }
+}
+
+TEST(InfiniteLight, NegativePixelsAreZeroAndSaidSo) {
+  const Lights lights = image_light(picture("dark.pfm", 2, {{{0, 0}, Rgb(-1, 2, 0)}, {{1, 1}, Rgb(3)}}));
+  ASSERT_EQ(lights.notes().size(), 1u);
+  EXPECT_NE(lights.notes()[0].find("negative values in 1 of 4 pixels are read as 0"), std::string::npos) << lights.notes()[0];
+  EXPECT_TRUE(image_light(picture("bright.pfm", 2, {{{0, 0}, Rgb(1)}})).notes().empty());
 }
 
 TEST(InfiniteLight, SeveralSkiesAddUpAndShareTheChoice) {

@@ -11,12 +11,26 @@ namespace woodcock {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 using ::testing::StartsWith;
 
 const SourceLocation kWhere{"s.pbrt", 3, 4};
 
-TriangleMesh read(const std::string& bytes) { return read_ply(bytes, "m.ply", kWhere); }
+TriangleMesh read(const std::string& bytes) {
+  std::vector<std::string> warnings;
+  return read_ply(bytes, "m.ply", kWhere, warnings);
+}
+std::vector<std::string> warnings_of(const std::string& bytes) {
+  std::vector<std::string> warnings;
+  read_ply(bytes, "m.ply", kWhere, warnings);
+  return warnings;
+}
+/// `text` with `from` in place of `to`.
+std::string with(std::string text, const std::string& from, const std::string& to) {
+  return text.replace(text.find(from), from.size(), to);
+}
 std::string failure(const std::string& bytes) {
   return error_of([&] { read(bytes); });
 }
@@ -106,8 +120,8 @@ TEST(Ply, BadContentIsNamed) {
   };
   EXPECT_THAT(changed("4 0 1 2 3", "4 0 1 2 4"), HasSubstr("index 4"));
   EXPECT_THAT(changed("4 0 1 2 3", "4 0 1 2 -1"), HasSubstr("index -1"));
-  EXPECT_THAT(changed("4 0 1 2 3", "5 0 1 2 3"), HasSubstr("5 corners"));
-  EXPECT_THAT(changed("1 0 0 255", "nan 0 0 255"), HasSubstr("finite number"));
+  EXPECT_THAT(changed("4 0 1 2 3", "5 0 1 2 3"), HasSubstr("more values"));
+  EXPECT_THAT(changed("1 0 0 255", "one 0 0 255"), HasSubstr("expected a number"));
   EXPECT_THAT(changed("ascii", "ebcdic"), HasSubstr("format \"ebcdic\""));
   EXPECT_THAT(changed("property float x", "property half x"), HasSubstr("property type \"half\""));
   EXPECT_THAT(changed("property float x", "property float q"), HasSubstr("x, y and z"));
@@ -126,6 +140,76 @@ TEST(Ply, BinaryNansAndInfinitiesAreRefusedWithTheirVertex) {
   EXPECT_THAT(error_of([&] { folder.read("WorldBegin\n Shape \"plymesh\" \"string filename\" \"m.ply\""); }),
               AllOf(StartsWith("main.pbrt:2:18"), HasSubstr("vertex 1"), HasSubstr("nan")));
 }
+
+TEST(Ply, NansAndInfinitiesOfTextAreRefusedWithTheirVertex) {
+  const SceneFolder folder;
+  for (const char* bad : {"nan", "-nan(ind)", "inf", "-Infinity", "1.#IND"}) {
+    folder.write("m.ply", with(kSquare, "1 0 0 255", std::string(bad) + " 0 0 255"));
+    EXPECT_THAT(error_of([&] { folder.read("WorldBegin\n Shape \"plymesh\" \"string filename\" \"m.ply\""); }),
+                AllOf(StartsWith("main.pbrt:2:18"), HasSubstr("vertex 1")))
+        << bad;
+  }
+}
+
+TEST(Ply, WhatIsNotUsedMayHoldAnything) {
+  // A property that nobody reads, of vertices and of faces.
+  for (const char* odd : {"nan", "-nan", "inf", "1e999", "n/a"}) {
+    const std::string text = with(kSquare, "1 0 0 255", "1 0 0 " + std::string(odd));
+    expect_square(read(text));
+    EXPECT_THAT(warnings_of(text), IsEmpty());
+  }
+  std::string faces = with(kSquare, "vertex_indices\n", "vertex_indices\nproperty float quality\n");
+  expect_square(read(with(faces, "4 0 1 2 3", "4 0 1 2 3 nan")));
+  // A vertex that no face names.
+  std::string vertices = with(kSquare, "element vertex 4", "element vertex 5");
+  vertices = with(vertices, "\n4 0 1 2 3", "\nnan inf 0 255 nan 0 1 0 nan\n4 0 1 2 3");
+  const TriangleMesh mesh = read(vertices);
+  ASSERT_EQ(mesh.positions.size(), 5u);
+  EXPECT_EQ(mesh.positions[4], mesh.positions[0]);
+  EXPECT_EQ(mesh.normals[4], Vec3(0));
+}
+
+TEST(Ply, FacesOfOtherCountsOfCornersAreLeftOutWithTheirNumber) {
+  const std::string head = with(with(kSquare, "4 0 1 2 3\n", ""), "face 1", "face 5");
+  const std::string faces = "0\n1 2\n2 9 -7\n3 0 1 2\n3 0 2 3\n";
+  expect_square(read(head + faces));
+  EXPECT_THAT(warnings_of(head + faces), ElementsAre(AllOf(HasSubstr("1 face of 0 corners is left out"), HasSubstr("m.ply")),
+                                                     HasSubstr("1 face of 1 corner is left out"), HasSubstr("1 face of 2 corners")));
+  expect_square(read(with(head, "face 5", "face 4") + "5 0 1 2 3 0\n3 0 1 2\n6 0 0 0 0 0 0\n3 0 2 3"));
+  // Many different counts are one sentence.
+  EXPECT_THAT(warnings_of(with(head, "face 5", "face 4") + "5 0 1 2 3 0\n6 0 0 0 0 0 0\n7 0 0 0 0 0 0 0\n8 0 0 0 0 0 0 0 0"),
+              ElementsAre(HasSubstr("4 faces of 5 to 8 corners are left out")));
+}
+
+TEST(Ply, TextureCoordinatesOfFacesAreSaidToBeLeftOut) {
+  for (const char* name : {"texcoord", "texcoords", "uv"}) {
+    std::string text = with(kSquare, "vertex_indices\n", "vertex_indices\nproperty list uchar float " + std::string(name) + "\n");
+    text = with(text, "4 0 1 2 3", "4 0 1 2 3 8 0 0 1 0 1 1 0 1");
+    expect_square(read(text));
+    EXPECT_THAT(warnings_of(text), ElementsAre(AllOf(HasSubstr("texture coordinates of its faces"), HasSubstr(name))));
+  }
+  EXPECT_THAT(warnings_of(kSquare), IsEmpty());
+}
+
+/// `text` with other ends of lines.
+std::string ended(const std::string& text, const std::string& end) {
+  std::string result;
+  for (const char c : text) c == '\n' ? result += end : result += c;
+  return result;
+}
+
+TEST(Ply, LinesEndAsOnAnyMachine) {
+  for (const char* end : {"\r", "\r\n"}) {
+    expect_square(read(ended(kSquare, end)));
+    // Behind the header of a binary file come data, of which the first byte here looks like an end of line.
+    std::string binary = binary_square(false);
+    const size_t data = binary.find("end_header\n") + 11;
+    binary[data] = '\n';
+    expect_square(read(ended(binary.substr(0, data), end) + binary.substr(data)));
+  }
+}
+
+TEST(Ply, TextInUtf16IsNamed) { EXPECT_THAT(failure(std::string("\xff\xfep\0l\0y\0", 8)), HasSubstr("UTF-16")); }
 
 TEST(Ply, TrianglesWithoutAreaAreDroppedWithAWarning) {
   std::vector<std::string> warnings;

@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <nanovdb/util/GridBuilder.h>
 #include <nanovdb/util/IO.h>
@@ -12,7 +13,9 @@ namespace woodcock {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 using ::testing::StartsWith;
 
 template <typename Kind>
@@ -163,9 +166,24 @@ TEST(Media, RgbGridsAndClouds) {
   EXPECT_FALSE(grid.sigma_a);
   EXPECT_EQ(grid.sigma_s->at(1, 0, 0), Rgb(4, 5, 6));
   EXPECT_EQ(grid.scale, 3);
-  EXPECT_THAT(medium_error("\"rgbgrid\" \"integer nx\" 2 \"rgb sigma_s\" [1 2 3 4 5 -6]"), HasSubstr("voxel (1, 0, 0)"));
+  EXPECT_THAT(medium_error("\"rgbgrid\" \"integer nx\" 2 \"rgb sigma_s\" [1 2 3 4 5 1e300]"), HasSubstr("voxel (1, 0, 0)"));
   EXPECT_THAT(medium_error("\"rgbgrid\""), HasSubstr("at least one"));
   EXPECT_EQ(medium<CloudMediumDescription>("\"cloud\" \"float density\" 2").density, 2);
+}
+
+TEST(Media, NegativeValuesOfRgbGridsAreZeroAndSaidSo) {
+  for (const char* name : {"sigma_a", "sigma_s", "Le"}) {
+    std::vector<std::string> warnings;
+    const SceneDescription scene =
+        read_world(fmt::format("MakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"integer nx\" 2 {} \"rgb {}\" "
+                               "[1 -2 3 4 5 6]",
+                               std::string(name) == "Le" ? "\"rgb sigma_a\" [1 1 1 1 1 1]" : "", name),
+                   collecting(warnings));
+    const auto& grid = std::get<RgbGridMediumDescription>(scene.media[0].kind);
+    const auto& values = std::string(name) == "sigma_a" ? grid.sigma_a : std::string(name) == "sigma_s" ? grid.sigma_s : grid.emission;
+    EXPECT_EQ(values->values[0], Rgb(1, 0, 3)) << name;
+    EXPECT_THAT(warnings, ElementsAre(AllOf(HasSubstr(name), HasSubstr("1 voxels"), HasSubstr("taken as 0"))));
+  }
 }
 
 // --- NanoVDB files
@@ -278,6 +296,117 @@ TEST(NanoVdb, OtherKindsOfGridAreRefused) {
   const uint32_t version = 29u << 21;
   std::memcpy(old.data() + 8, &version, sizeof(version));
   EXPECT_THAT(error_of([&] { load(old); }), HasSubstr("version 29"));
+}
+
+// Files since version 32.6 tell files (2) from grids (1) by the digit of the magic number; the layout stayed.
+TEST(NanoVdb, TheLayoutTellsFilesFromGridsWhateverTheDigit) {
+  const std::string whole = file_of(ball("density"));
+  const size_t grid = whole.find("NanoVDB0", 8);
+  ASSERT_NE(grid, std::string::npos);
+  for (const char file_digit : {'0', '1', '2'})
+    for (const char grid_digit : {'0', '1', '2'}) {
+      std::string bytes = whole;
+      bytes[7] = file_digit;
+      bytes[grid + 7] = grid_digit;
+      const auto with_segments = load(bytes);
+      ASSERT_TRUE(with_segments) << file_digit << grid_digit;
+      EXPECT_FLOAT_EQ(with_segments->grid.maximum, 1.05f);
+      // The reader of the voxels knows one number only.
+      EXPECT_TRUE(reinterpret_cast<const nanovdb::FloatGrid*>(with_segments->grid.buffer.get())->isValid());
+      const auto bare = load(bytes.substr(grid));
+      ASSERT_TRUE(bare) << grid_digit;
+      EXPECT_FLOAT_EQ(bare->grid.maximum, 1.05f);
+      // Two of them behind each other, of which the second is meant.
+      const std::string smoke = file_of(ball("smoke", 2));
+      const auto second = load(bytes.substr(grid) + smoke.substr(smoke.find("NanoVDB0", 8)), "smoke");
+      ASSERT_TRUE(second);
+      EXPECT_FLOAT_EQ(second->grid.maximum, 2.1f);
+    }
+  std::string other = whole;
+  other[7] = '7';
+  EXPECT_THAT(error_of([&] { load(other); }), HasSubstr("magic number"));
+  for (size_t length = 700; length < whole.size() - grid; length += 9973)
+    EXPECT_THAT(error_of([&] { load(whole.substr(grid, length)); }), HasSubstr("cut off")) << length;
+}
+
+TEST(NanoVdb, ValuesThatAreNotReadAreRefusedByTheirType) {
+  const std::string whole = file_of(ball("density"));
+  const size_t grid = whole.find("NanoVDB0", 8);
+  for (const auto& [type, name] : {std::pair(nanovdb::GridType::Fp16, "Float16 (quantised)"),
+                                   {nanovdb::GridType::FpN, "FloatN (quantised)"},
+                                   {nanovdb::GridType::Double, "double"},
+                                   {nanovdb::GridType::Index, "Index"}}) {
+    std::string bytes = whole;
+    const auto number = static_cast<uint32_t>(type);
+    std::memcpy(bytes.data() + grid + 636, &number, sizeof(number));
+    EXPECT_THAT(error_of([&] { load(bytes); }), AllOf(HasSubstr(name), HasSubstr("expected float")));
+    // In the segment's own words, before anything is unpacked.
+    std::memcpy(bytes.data() + 16 + 32, &number, sizeof(number));
+    EXPECT_THAT(error_of([&] { load(bytes); }), AllOf(HasSubstr(name), HasSubstr("\"density\"")));
+  }
+  // A neighbour of such a type is not looked at.
+  std::string smoke = file_of(ball("smoke"));
+  const auto number = static_cast<uint32_t>(nanovdb::GridType::Fp16);
+  std::memcpy(smoke.data() + 16 + 32, &number, sizeof(number));
+  EXPECT_TRUE(load(smoke + whole));
+}
+
+TEST(NanoVdb, BloscIsRefusedByNameWhereItIsMeant) {
+  std::string blosc = file_of(ball("density"));
+  const uint16_t codec = 2;
+  std::memcpy(blosc.data() + 14, &codec, sizeof(codec));
+  EXPECT_THAT(error_of([&] { load(blosc); }), AllOf(HasSubstr("BLOSC"), HasSubstr("ZIP")));
+  EXPECT_TRUE(load(blosc + file_of(ball("smoke")), "smoke"));
+}
+
+TEST(NanoVdb, ATemperatureMayHaveABackground) {
+  nanovdb::GridBuilder<float> builder(293.0f, nanovdb::GridClass::FogVolume);
+  builder.getAccessor().setValue(nanovdb::Coord(1, 2, 3), 1500.0f);
+  const std::string bytes = file_of(builder.getHandle<>(1.0, nanovdb::Vec3d(0), "temperature"));
+  const auto file = load(bytes, "temperature", GridMeaning::kTemperature);
+  ASSERT_TRUE(file);
+  EXPECT_EQ(file->background, 293);
+  EXPECT_EQ(file->grid.maximum, 1207);
+  const auto* grid = reinterpret_cast<const nanovdb::FloatGrid*>(file->grid.buffer.get());
+  EXPECT_EQ(grid->tree().getValue(nanovdb::Coord(1, 2, 3)), 1207);
+  EXPECT_EQ(grid->tree().getValue(nanovdb::Coord(1, 2, 4)), 0);
+  EXPECT_EQ(grid->tree().getValue(nanovdb::Coord(9999, 0, 0)), 0);
+  // In a scene the offset gives it back.
+  const SceneFolder folder;
+  folder.write("fire.nvdb", file_of(ball("density")) + bytes);
+  const SceneDescription scene = folder.read(
+      "WorldBegin MakeNamedMedium \"m\" \"string type\" \"nanovdb\" \"string filename\" \"fire.nvdb\" \"float temperatureoffset\" 10");
+  EXPECT_EQ(std::get<GridMediumDescription>(scene.media[0].kind).temperature_offset, 10 - 293);
+}
+
+TEST(NanoVdb, AGridThatIsNamedAndMissingIsAnErrorThatListsWhatIsThere) {
+  const SceneFolder folder;
+  folder.write("fire.nvdb", file_of(ball("density")) + file_of(ball("temperature", 1000)));
+  const std::string text =
+      "WorldBegin MakeNamedMedium \"m\" \"string type\" \"nanovdb\" \"string filename\" \"fire.nvdb\" \"float Lescale\" 1 ";
+  EXPECT_THAT(error_of([&] { folder.read(text + "\"string temperaturename\" \"temprature\""); }),
+              AllOf(HasSubstr("no grid \"temprature\""), HasSubstr("\"density\" (float) \"temperature\" (float)"),
+                    HasSubstr("Did you mean \"temperature\"?")));
+  EXPECT_THAT(error_of([&] { folder.read(text + "\"string gridname\" \"smoke\""); }), HasSubstr("no grid \"smoke\""));
+  // Emission that is asked for, of a grid that nobody named.
+  std::vector<std::string> warnings;
+  folder.write("fire.nvdb", file_of(ball("density")));
+  folder.read(text, collecting(warnings));
+  EXPECT_THAT(warnings,
+              ElementsAre(AllOf(HasSubstr("emits nothing"), HasSubstr("no grid \"temperature\""), HasSubstr("\"density\" (float)"))));
+  warnings.clear();
+  folder.read("WorldBegin MakeNamedMedium \"m\" \"string type\" \"nanovdb\" \"string filename\" \"fire.nvdb\"", collecting(warnings));
+  EXPECT_THAT(warnings, IsEmpty());
+}
+
+TEST(NanoVdb, TwoGridsOfOneNameAreSaidAndTheFirstIsRead) {
+  const SceneFolder folder;
+  folder.write("v.nvdb", file_of(ball("density")) + file_of(ball("density", 2)));
+  std::vector<std::string> warnings;
+  const SceneDescription scene =
+      folder.read("WorldBegin MakeNamedMedium \"m\" \"string type\" \"nanovdb\" \"string filename\" \"v.nvdb\"", collecting(warnings));
+  EXPECT_THAT(warnings, ElementsAre(HasSubstr("2 grids of the name \"density\"")));
+  EXPECT_FLOAT_EQ(std::get<SparseGrid>(*std::get<GridMediumDescription>(scene.media[0].kind).density).maximum, 1.05f);
 }
 
 TEST(NanoVdb, AMediumReadsDensityAndTemperature) {

@@ -73,6 +73,101 @@ TEST_F(ImageFiles, AlphaIsKeptApartAndDroppedWhereOpaque) {
   EXPECT_NEAR(opaque.scalar_at(0, 0), 1.0f / 3, 1e-6);
 }
 
+// As in pbrt-v4: a float texture of a grey picture with alpha reads the grey.
+TEST_F(ImageFiles, AlphaIsReadFromRgbaFilesOnly) {
+  for (const auto type : {OIIO::TypeDesc::UINT8, OIIO::TypeDesc::UINT16}) {
+    const Image grey = load_image(write("la.png", 2, 1, 2, type, {200 / 255.0f, 64 / 255.0f, 1, 1}), "linear", kWhere);
+    EXPECT_NEAR(grey.scalar_at(0, 0), 200 / 255.0f, 1e-6);
+    EXPECT_NEAR(grey.at(0, 0).g, 200 / 255.0f, 1e-6);
+    EXPECT_TRUE(grey.alpha.empty());
+    EXPECT_TRUE(grey.has_unread_alpha);
+    const Image colour = load_image(write("rgba.png", 1, 1, 4, type, {200 / 255.0f, 0, 0, 64 / 255.0f}), "linear", kWhere);
+    EXPECT_NEAR(colour.scalar_at(0, 0), 64 / 255.0f, 1e-6);
+    EXPECT_FALSE(colour.has_unread_alpha);
+    EXPECT_FALSE(load_image(write("l.png", 1, 1, 1, type, {200 / 255.0f}), "linear", kWhere).has_unread_alpha);
+  }
+}
+
+TEST_F(ImageFiles, NegativePixelsAreCounted) {
+  const Image image = load_image(write("n.exr", 3, 1, 3, OIIO::TypeDesc::FLOAT, {1, 2, 3, -1, -2, 5, 0, -0.5f, 0}), "", kWhere);
+  EXPECT_EQ(image.negative_pixels, 2u);
+  EXPECT_EQ(image.smallest, -2);
+  EXPECT_EQ(image.note_on_negatives(), "image \"n.exr\": negative values in 2 of 3 pixels are read as 0 (the smallest is -2.000000)");
+  EXPECT_EQ(load_image(write("p.exr", 1, 1, 1, OIIO::TypeDesc::FLOAT, {0}), "", kWhere).note_on_negatives(), "");
+}
+
+TEST_F(ImageFiles, ChannelsWithoutAPictureAreListed) {
+  const std::string path = (folder_ / "layers.exr").string();
+  const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create(path);
+  OIIO::ImageSpec spec(1, 1, 3, OIIO::TypeDesc::FLOAT);
+  spec.channelnames = {"diffuse.red", "depth", "normal.X"};
+  const float values[3] = {1, 2, 3};
+  ASSERT_TRUE(out && out->open(path, spec) && out->write_image(OIIO::TypeDesc::FLOAT, values) && out->close());
+  try {
+    load_image(path, "", kWhere);
+    ADD_FAILURE();
+  } catch (const SceneError& error) {
+    for (const char* name : {"scene.pbrt:4:9", "diffuse.red", "depth", "normal.X", "expected one (grey), or R, G, B"})
+      EXPECT_NE(std::string(error.what()).find(name), std::string::npos) << error.what();
+  }
+}
+
+TEST_F(ImageFiles, NotesSayWhatIsNotReadOnceForEachFile) {
+  SceneDescription scene;
+  FloatTextureDescription::Image opacity;
+  opacity.file = write("la.png", 1, 1, 2, OIIO::TypeDesc::UINT8, {1, 0});
+  scene.float_textures.push_back({"a", kWhere, opacity});
+  scene.float_textures.push_back({"b", kWhere, opacity});
+  RgbTextureDescription::Image colour;
+  colour.file = opacity.file;
+  scene.rgb_textures.push_back({"c", kWhere, colour});
+  const auto notes = Textures(scene, DMat4(1)).notes();
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_NE(notes[0].find("\"la.png\" has one grey channel and alpha"), std::string::npos);
+  // Where only its colour is used nobody misses its alpha.
+  scene.float_textures.clear();
+  EXPECT_TRUE(Textures(scene, DMat4(1)).notes().empty());
+  colour.file = write("n.exr", 1, 1, 3, OIIO::TypeDesc::FLOAT, {1, -2, 3});
+  scene.rgb_textures = {{"d", kWhere, colour}, {"e", kWhere, colour}};
+  EXPECT_EQ(Textures(scene, DMat4(1)).notes().size(), 1u);
+  // What is inverted is not below zero.
+  colour.invert = true;
+  scene.rgb_textures = {{"f", kWhere, colour}};
+  EXPECT_TRUE(Textures(scene, DMat4(1)).notes().empty());
+}
+
+TEST_F(ImageFiles, RangesAreThoseOfTheValues) {
+  SceneDescription scene;
+  RgbTextureDescription::Image image;
+  image.file = write("bright.exr", 2, 2, 3, OIIO::TypeDesc::FLOAT, {2, 0, 0, 0, 0, 0.5f, 1, 1, 1, 0, 4, 0});
+  scene.rgb_textures.push_back({"image", kWhere, image});
+  const auto constant = [](float v) { return RgbParameter{Rgb(v), kNone}; };
+  const auto add = [&](const decltype(RgbTextureDescription::kind)& kind) {
+    scene.rgb_textures.push_back({"t", kWhere, kind});
+    return RgbParameter{Rgb(0), static_cast<int>(scene.rgb_textures.size()) - 1};
+  };
+  const RgbParameter bright{Rgb(0), 0};
+  const RgbParameter half = add(RgbTextureDescription::Scale{bright, {0.5f, kNone}});
+  const RgbParameter mixed = add(RgbTextureDescription::Mix{bright, constant(0), {0.75f, kNone}});
+  const RgbParameter board = add(RgbTextureDescription::Checkerboard{constant(0.25f), constant(3), 2, {}});
+  const RgbParameter plain = add(RgbTextureDescription::Constant{Rgb(0.5f, 1.5f, 0)});
+  image.invert = true;
+  const RgbParameter inverted = add(image);
+  const Textures textures(scene, DMat4(1));
+  const TextureRange range = textures.range(bright);
+  EXPECT_EQ(range.largest, 4);
+  EXPECT_EQ(range.above_one, 2u);
+  EXPECT_EQ(range.pixels, 4u);
+  EXPECT_EQ(textures.range(half).largest, 2);
+  EXPECT_EQ(textures.range(half).above_one, 1u);
+  EXPECT_EQ(textures.range(bright, 0.25f).above_one, 0u);
+  EXPECT_EQ(textures.range(mixed).largest, 1);
+  EXPECT_EQ(textures.range(board).largest, 3);
+  EXPECT_EQ(textures.range(plain, 2).largest, 3);
+  EXPECT_EQ(textures.range(inverted).largest, 1);
+  EXPECT_EQ(textures.range(constant(0.5f)).largest, 0.5f);
+}
+
 TEST_F(ImageFiles, DamagedOrStrangeFilesAreRefusedWithTheirPlace) {
   const std::string nan = write("nan.exr", 1, 1, 3, OIIO::TypeDesc::FLOAT, {1, std::numeric_limits<float>::quiet_NaN(), 1});
   const std::string text = (folder_ / "text.png").string();
