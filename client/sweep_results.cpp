@@ -53,7 +53,7 @@ Curve find_curve(const SweepFindings& f, const SweepCurve& planned) {
   std::string heavy_tail;
   for (const fs::path& file : largest_pictures(*f.plan, *f.store, curve.seeds)) {
     pictures.push_back(read_picture(file).luminances());
-    if (heavy_tail.empty()) heavy_tail = heavy_tail_reason(estimate_error(file));
+    if (heavy_tail.empty()) heavy_tail = heavy_tail_reason(estimate_error(nodes_of(file)));
   }
   curve.summary = summarise_curve(curve.points, reference.relative_mse, bias_floor(pictures, reference.luminance, reference.relative_mse));
   curve.summary.heavy_tail = heavy_tail;

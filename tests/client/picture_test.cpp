@@ -38,6 +38,7 @@ class PictureFiles : public ::testing::Test {
     ExrReader nodes(nodes_beside(folder_ / name));
     const PixelRect rect = nodes.info().rect;
     const auto rows = nodes.beauty_rows(rect.y0, rect.y1);
+    EXPECT_TRUE(read_header(folder_ / name).plain());
     const SmallPicture picture = load_exr(folder_ / name);
     ASSERT_EQ(picture.width, width);
     ASSERT_EQ(picture.height, height);

@@ -45,7 +45,7 @@ void expect_simple(const fs::path& path) {
   const FrameHeader& header = nodes.info().header;
   const PixelRect rect = nodes.info().rect;
   const testing::SmallHeader small = testing::read_header(path);
-  EXPECT_FALSE(small.several_parts || small.tiled || small.deep);
+  EXPECT_TRUE(small.plain());
   EXPECT_EQ((PixelRect{small.data.min_x, small.data.min_y, small.data.max_x + 1, small.data.max_y + 1}), rect);
   EXPECT_EQ((PixelRect{small.display.min_x, small.display.min_y, small.display.max_x + 1, small.display.max_y + 1}),
             (PixelRect{0, 0, header.width, header.height}));

@@ -33,7 +33,8 @@ inline SmallPicture load_exr(const std::filesystem::path& path) {
 
 /// The first header of a file, as tinyexr reads it.
 struct SmallHeader {
-  bool several_parts = false, tiled = false, deep = false;
+  bool several_parts = false, tiled = false, deep = false, long_names = false;
+  bool plain() const { return !several_parts && !tiled && !deep && !long_names; }
   EXRBox2i data{}, display{};
   std::vector<std::string> channels;  ///< in the file's order
 };
@@ -50,7 +51,13 @@ inline SmallHeader read_header(const std::filesystem::path& path) {
     FreeEXRErrorMessage(error);
     return header;
   }
-  header = {version.multipart != 0, version.tiled != 0, version.non_image != 0, read.data_window, read.display_window, {}};
+  header = {version.multipart != 0,
+            version.tiled != 0,
+            version.non_image != 0,
+            version.long_name != 0,
+            read.data_window,
+            read.display_window,
+            {}};
   for (int c = 0; c < read.num_channels; ++c) header.channels.emplace_back(read.channels[c].name);
   FreeEXRHeader(&read);
   return header;
