@@ -15,6 +15,7 @@
 #include "client/progress_line.h"
 #include "renderer/accuracy/error.h"
 #include "renderer/film/exr.h"
+#include "renderer/film/picture_file.h"
 #include "renderer/film/png.h"
 #include "renderer/frame/adaptive_frame.h"
 
@@ -134,7 +135,9 @@ SampleMap read_sample_map(const fs::path& file, PixelRect bounds) {
   const auto refuse = [&](const std::string& why) { throw FilmError(file.string(), "is no sample map of this frame: " + why); };
   SampleMap map{bounds, {}};
   if (file.extension() == ".exr") {
-    const NodeFileInfo info = ExrReader(file).info();
+    const FrameFile frame = look_at(file);
+    if (frame.kind == FrameFile::Kind::kOther) refuse(frame.why);
+    const NodeFileInfo& info = frame.info;
     if (!(info.rect == bounds)) refuse("its pixels are others");
     if (info.samples.begin != 0 || info.samples.end > kMaxMapSamples) refuse("its samples do not begin at 0, or are too many");
     for (size_t b = 0; b < map.grid().size(); ++b) map.counts.push_back(info.count_of_block(b));
@@ -158,7 +161,7 @@ SampleMap read_sample_map(const fs::path& file, PixelRect bounds) {
 int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const AdaptiveRun& run) {
   const FrameHeader& header = frame.header();
   BlockFrame blocks(header.bounds);
-  if (run.resume && fs::exists(run.output)) blocks = read_blocks(run.output, header);
+  if (run.earlier) blocks = read_blocks(*run.earlier, header);
   const int64_t before = blocks.map.samples();
 
   const auto start = std::chrono::steady_clock::now();
@@ -227,7 +230,7 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
   }
   const ErrorEstimate error = write_blocks(run.output, header, blocks);
   const fs::path png = fs::path(run.output).replace_extension(".png");
-  write_png(run.output, png);
+  write_png(nodes_path(run.output), png);
 
   const double mean_before = static_cast<double>(before) / pixels;
   const Convergence record{{{error.samples, error, cpu_seconds}}, std::llround(mean_before)};
@@ -244,6 +247,7 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
     std::vector<Tile> nodes;
     for (const auto& block : blocks.nodes) nodes.insert(nodes.end(), block.begin(), block.end());
     nlohmann::json j{{"output", run.output.string()},
+                     {"nodes", nodes_path(run.output).string()},
                      {"png", png.string()},
                      {"complete", end != End::kInterrupt},
                      {"ended_by", name_of(end)},
@@ -270,7 +274,7 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
     fmt::print("{}: {}x{} pixels in {} passes, {} ({:.3g} s of processor time, {} samples/s), {} threads\n", run.output.string(),
                header.width, header.height, state.pass, format_seconds(render_seconds), cpu_seconds,
                format_count(static_cast<double>(progress.samples) / std::max(1e-9, render_seconds)), run.threads);
-    fmt::print("{}: the same picture to look at\n", png.string());
+    fmt::print("{}: the same picture to look at\n{}: its samples, for --resume and merge\n", png.string(), nodes_path(run.output).string());
     fmt::print("{}{}{}", format_error(error), run.bias, format_convergence(record, run.threads));
     fmt::print("{}: errors and times\n{}", sidecar_path(run.output).string(), end_line(end, options, blocks.map, pixels));
   }

@@ -49,7 +49,8 @@ nlohmann::json sample_map_json(const SampleMap& map);
 struct AdaptiveRun {
   std::filesystem::path output;
   int tile = 32, threads = 1;
-  bool resume = false, json = false;
+  std::optional<std::filesystem::path> earlier;  ///< nodes to go on from
+  bool json = false;
   double load_seconds = 0;
   std::string bias;    ///< a line on the estimator's bias, or empty
   std::string repeat;  ///< a command that repeats a sample, for warnings

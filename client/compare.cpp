@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/commands.h"
+#include "renderer/film/picture_file.h"
 
 namespace woodcock {
 namespace {
@@ -73,6 +74,9 @@ int run(const CompareOptions& options) {
   fmt::print("FLIP             {:.5f} as shown; HDR-FLIP {:.5f} over {} exposures from {:+.2f} to {:+.2f}\n", d.flip_ldr, d.flip_hdr,
              flip.count, flip.start, flip.stop);
   if (noise) print_noise(*noise);
+  const std::filesystem::path nodes = nodes_path(options.picture);
+  if (!noise && look_at(options.picture).kind == FrameFile::Kind::kPicture && !std::filesystem::exists(nodes))
+    fmt::print("\nwhether it is noise cannot be told: {} is not beside the picture\n", nodes.string());
   if (!options.map.empty()) fmt::print("{}: HDR-FLIP of every pixel, black 0 to white 1\n", options.map);
   return 0;
 }
@@ -93,7 +97,7 @@ void add_compare_command(CLI::App& app, int& code) {
       "  woodcock render scene.pbrt -o a.exr --spp 64\n"
       "  woodcock render scene.pbrt -o reference.exr --spp 4096 --seed 7\n"
       "  woodcock compare a.exr reference.exr --picture error.png\n"
-      "Files of `render` and the service carry statistics: with them the noise that is expected is told apart.");
+      "The nodes beside pictures of `render` and the service hold statistics: with them the noise that is expected is told apart.");
   command->callback([options, &code] { code = run(*options); });
 }
 

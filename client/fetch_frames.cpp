@@ -5,12 +5,14 @@
 
 #include <chrono>
 #include <filesystem>
+#include <memory>
 #include <stdexcept>
 
 #include "client/health.h"
 #include "client/job_view.h"
 #include "client/output_path.h"
 #include "renderer/accuracy/error.h"
+#include "renderer/film/picture_file.h"
 #include "renderer/film/png.h"
 #include "rpc/blob_transfer.h"
 
@@ -48,6 +50,22 @@ void check_output(const std::string& output, int64_t frames) {
   output_path(with_frame_number(output, 0), "", false);
 }
 
+void download_frame(Service& service, const std::string& digest, const fs::path& picture) {
+  const fs::path nodes = nodes_path(picture);
+  // The old pair stays until the new one is complete.
+  const fs::path arrived = nodes.string() + ".new";
+  rpc::download_file(service.blobs(), digest, arrived.string(), true);
+  try {
+    const std::unique_ptr<AtomicFile> made = make_picture(arrived, picture);
+    fs::rename(arrived, nodes);
+    made->commit();
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove(arrived, ignored);
+    throw;
+  }
+}
+
 Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& options) {
   check_output(options.output, options.frame ? 1 : job.frame_count());
   Fetched fetched;
@@ -67,15 +85,17 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
     request.set_partial(options.partial);
     v1::GetFrameResponse response;
     service.call(&v1::JobsService::Stub::GetFrame, request, response, fmt::format("asking for frame {}", status.frame()), kMergeDeadline);
-    rpc::download_file(service.blobs(), response.image_digest(), path.string());
+    const fs::path nodes = nodes_path(path);
+    download_frame(service, response.image_digest(), path);
     const fs::path png = fs::path(path).replace_extension(".png");
-    write_png(path, png);
+    write_png(nodes, png);
 
     health.add(health_of(response.frame()));
     const bool complete = !response.partial() && response.frame().state() != v1::FRAME_STATE_PARTIAL;
     fetched.complete = fetched.complete && complete;
     fetched.frames.push_back({{"frame", status.frame()},
                               {"output", path.string()},
+                              {"nodes", nodes.string()},
                               {"png", png.string()},
                               {"digest", response.image_digest()},
                               {"complete", complete},
@@ -88,8 +108,8 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
     }
     if (options.quiet) continue;
     fmt::print("{}: frame {}{}\n", path.string(), status.frame(), complete ? "" : ", not complete");
-    fmt::print("{}: the same picture to look at\n", png.string());
-    const ErrorEstimate error = estimate_error(path);
+    fmt::print("{}: the same picture to look at\n{}: its samples, for --resume and merge\n", png.string(), nodes.string());
+    const ErrorEstimate error = estimate_error(nodes);
     fmt::print("{}{}", format_error(error), format_bias(job.settings().estimator()));
     if (job.has_target()) {
       if (!response.partial()) fmt::print("{}\n", target_line(job, response.frame()));

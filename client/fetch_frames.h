@@ -1,6 +1,7 @@
 // Images of a job onto the disk.
 #pragma once
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -24,7 +25,11 @@ struct Fetched {
   nlohmann::json frames = nlohmann::json::array();
 };
 
-/// Writes each frame's EXR, verified against its digest, and a PNG beside it; prints where and what error was reached.
+/// Writes a frame's nodes, which the service names by `digest`, beside `picture`, and the picture that is made of them: the files
+/// that `woodcock render` writes. Throws rpc::RpcError and FilmError.
+void download_frame(Service& service, const std::string& digest, const std::filesystem::path& picture);
+
+/// Writes each frame's picture with its nodes and a PNG beside it; prints where and what error was reached.
 /// Throws rpc::RpcError, FilmError, and std::runtime_error for an output that cannot be written.
 Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& options);
 

@@ -6,6 +6,7 @@
 
 #include "renderer/accuracy/error_summary.h"
 #include "renderer/film/merge.h"
+#include "renderer/film/picture_file.h"
 #include "renderer/film/split.h"
 #include "renderer/frame/run_units.h"
 
@@ -77,27 +78,28 @@ LocalRender render_locally(const FrameRenderer& frame, SampleRange samples, std:
   return result;
 }
 
-std::vector<Tile> earlier_nodes(const std::filesystem::path& exr, const FrameHeader& header) {
-  NodeFile file = read_exr(exr);
-  const std::string difference = header_difference(file.info.header, exr.string(), header, "this render");
-  if (!difference.empty()) throw FilmError(exr.string(), "cannot be resumed: " + difference);
+std::vector<Tile> earlier_nodes(const std::filesystem::path& nodes, const FrameHeader& header) {
+  NodeFile file = read_exr(nodes);
+  const std::string difference = header_difference(file.info.header, nodes.string(), header, "this render");
+  if (!difference.empty()) throw FilmError(nodes.string(), "cannot be resumed: " + difference);
   if (file.info.missing_pixels > 0)
-    throw FilmError(exr.string(), fmt::format("cannot be resumed: {} pixels miss samples; render it again", file.info.missing_pixels));
+    throw FilmError(nodes.string(), fmt::format("cannot be resumed: {} pixels miss samples; render it again", file.info.missing_pixels));
   return std::move(file.nodes);
 }
 
-ErrorEstimate write_picture(const std::filesystem::path& exr, const FrameHeader& header, const LocalRender& render) {
+ErrorEstimate write_picture(const std::filesystem::path& picture, const FrameHeader& header, const LocalRender& render) {
+  const std::filesystem::path nodes = nodes_path(picture);
   ErrorEstimate error;
   const PictureSummary summary = error_summary(error);
   if (!render.nodes.empty()) {
-    write_exr(exr, header, render.nodes, &summary);
+    write_exr(nodes, header, render.nodes, &summary, picture);
     return error;
   }
   const auto shared = std::make_shared<const FrameHeader>(header);
   std::vector<MergeInput> inputs;
   for (const Tile& tile : render.first_tiles) inputs.push_back({"a tile", shared, tile.rect, tile.range});
   merge_tiles(
-      inputs, [&](size_t i) { return render.first_tiles[i]; }, exr, {header.bounds, render.samples, {}}, &summary);
+      inputs, [&](size_t i) { return render.first_tiles[i]; }, nodes, {header.bounds, render.samples, {}}, &summary, picture);
   return error;
 }
 

@@ -32,11 +32,11 @@ std::vector<SampleRange> render_passes(SampleRange samples);
 LocalRender render_locally(const FrameRenderer& frame, SampleRange samples, std::vector<Tile> earlier, int tile_size, int threads,
                            RenderProgress& progress, const std::atomic<bool>& stop, const std::function<void()>& tick);
 
-/// The nodes of an earlier file of the same frame. Throws FilmError where it is of another, or misses samples.
-std::vector<Tile> earlier_nodes(const std::filesystem::path& exr, const FrameHeader& header);
+/// The nodes in an earlier node file of the same frame. Throws FilmError where it is of another, or misses samples.
+std::vector<Tile> earlier_nodes(const std::filesystem::path& nodes, const FrameHeader& header);
 
-/// Writes what is there to `exr`, with the numbers of its error, which it returns; pixels that no finished tile holds are gaps.
-/// Throws FilmError.
-ErrorEstimate write_picture(const std::filesystem::path& exr, const FrameHeader& header, const LocalRender& render);
+/// Writes what is there to `picture` and the nodes beside it, with the numbers of its error, which it returns; pixels that no
+/// finished tile holds are gaps. Throws FilmError.
+ErrorEstimate write_picture(const std::filesystem::path& picture, const FrameHeader& header, const LocalRender& render);
 
 }  // namespace woodcock

@@ -3,11 +3,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "client/commands.h"
 #include "client/output_path.h"
 #include "renderer/accuracy/error_summary.h"
+#include "renderer/film/picture_file.h"
 #include "renderer/film/png.h"
 
 namespace woodcock {
@@ -19,14 +22,27 @@ struct MergeOptions {
   bool json = false;
 };
 
+/// The node files of what was named, each once: `*.exr` names a picture and its nodes.
+std::vector<std::filesystem::path> node_files(const std::vector<std::string>& named) {
+  std::vector<std::filesystem::path> files, beside;
+  for (const std::string& file : named) {
+    const std::filesystem::path nodes = nodes_of(file);
+    (nodes == file ? files : beside).push_back(nodes);
+  }
+  for (const std::filesystem::path& nodes : beside)
+    if (std::none_of(files.begin(), files.end(), [&](const auto& file) { return std::filesystem::equivalent(file, nodes); }))
+      files.push_back(nodes);
+  return files;
+}
+
 int run(const MergeOptions& options) {
   const std::filesystem::path output = output_path(options.output, "", false);
-  const std::vector<std::filesystem::path> files(options.files.begin(), options.files.end());
-  const NodeFileInfo info = merge_files(files, output, {}, &kErrorSummary);
+  const NodeFileInfo info = merge_files(node_files(options.files), nodes_path(output), {}, &kErrorSummary, output);
   const std::filesystem::path png = std::filesystem::path(output).replace_extension(".png");
-  write_png(output, png);
+  write_png(nodes_path(output), png);
   if (options.json) {
     nlohmann::json j{{"output", output.string()},
+                     {"nodes", nodes_path(output).string()},
                      {"png", png.string()},
                      {"samples", {info.samples.begin, info.samples.end}},
                      {"missing_pixels", info.missing_pixels}};
@@ -45,7 +61,9 @@ int run(const MergeOptions& options) {
 void add_merge_command(CLI::App& app, int& code) {
   auto* command = app.add_subcommand("merge", "Put tiles, sample ranges or partial frames together, exactly");
   auto options = std::make_shared<MergeOptions>();
-  command->add_option("files", options->files, "EXR files that `render` or a worker wrote")->required()->check(CLI::ExistingFile);
+  command->add_option("files", options->files, "EXR files that `render` or `fetch` wrote, with their nodes beside them; or node files")
+      ->required()
+      ->check(CLI::ExistingFile);
   command->add_option("-o,--output", options->output, "EXR to write")->required();
   command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
   command->footer(

@@ -4,6 +4,8 @@
 
 #include <stdexcept>
 
+#include "renderer/film/picture_file.h"
+
 namespace woodcock {
 
 std::filesystem::path output_path(const std::string& asked, const std::string& from_scene, bool resume) {
@@ -20,9 +22,18 @@ std::filesystem::path output_path(const std::string& asked, const std::string& f
   if (access(folder.c_str(), W_OK | X_OK) != 0)
     throw std::runtime_error("output \"" + path.string() + "\": the folder " + folder.string() + " cannot be written");
   if (fs::is_directory(path)) throw std::runtime_error("output \"" + path.string() + "\" is a folder; expected a file name");
-  if (asked.empty() && !resume && fs::exists(path)) {
-    throw std::runtime_error("output \"" + path.string() + "\", the scene's own name, exists already; name one with -o to overwrite it");
-  }
+  const fs::path nodes = nodes_path(path);
+  if (is_nodes_name(path))
+    throw std::runtime_error("output \"" + path.string() +
+                             "\": names that end in .nodes.exr are for the nodes beside a picture; name it otherwise");
+  if (asked.empty() && !resume)
+    for (const fs::path& there : {path, nodes})
+      if (fs::exists(there))
+        throw std::runtime_error("output \"" + there.string() +
+                                 "\", the scene's own name, exists already; name one with -o to overwrite it");
+  if (fs::exists(nodes) && look_at(nodes).kind != FrameFile::Kind::kNodes)
+    throw std::runtime_error("output \"" + path.string() + "\": its nodes go to " + nodes.string() +
+                             ", which is there and holds something else; move it away or choose another name");
   return path;
 }
 

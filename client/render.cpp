@@ -16,6 +16,7 @@
 #include "client/progress_line.h"
 #include "renderer/accuracy/error.h"
 #include "renderer/film/exr.h"
+#include "renderer/film/picture_file.h"
 #include "renderer/film/png.h"
 #include "renderer/film/tile.h"
 #include "renderer/frame/run_units.h"
@@ -63,28 +64,28 @@ int run(const RenderOptions& options) {
   const int threads = options.threads > 0 ? options.threads : processors();
   const std::string repeat = fmt::format("woodcock render '{}'{} -o sample.exr", options.scene, options_of(options.settings));
   TargetOptions target = options.target;
-  const bool to_a_map = !target.adaptive() && options.resume && fs::exists(output) && ExrReader(output).info().map;
+  const std::optional<fs::path> there = options.resume ? nodes_to_resume(output) : std::nullopt;
+  const bool to_a_map = !target.adaptive() && there && ExrReader(*there).info().map;
   if (to_a_map && !options.samples.empty())
-    throw FilmError(output.string(), "cannot be resumed by a range: its blocks hold different numbers of samples; leave --samples out");
+    throw FilmError(there->string(), "cannot be resumed by a range: its blocks hold different numbers of samples; leave --samples out");
   if (to_a_map) target.max_samples = frame.samples();
   if (to_a_map || target.adaptive())
     return run_adaptive(
-        frame, target,
-        {output, options.tile, threads, options.resume, options.json, load_seconds, format_bias(options.settings.estimator), repeat});
+        frame, target, {output, options.tile, threads, there, options.json, load_seconds, format_bias(options.settings.estimator), repeat});
 
   SampleRange samples{0, frame.samples()};
   if (!options.samples.empty()) samples = parse_samples(options.samples);
   std::vector<Tile> earlier;
-  if (options.resume && fs::exists(output)) {
-    earlier = earlier_nodes(output, frame.header());
+  if (there) {
+    earlier = earlier_nodes(*there, frame.header());
     if (!earlier.empty()) {
       if (earlier.front().range.begin != samples.begin) {
-        throw FilmError(output.string(), fmt::format("cannot be resumed: its samples begin at {}, this render's at {}",
+        throw FilmError(there->string(), fmt::format("cannot be resumed: its samples begin at {}, this render's at {}",
                                                      earlier.front().range.begin, samples.begin));
       }
       samples.begin = std::min(earlier.back().range.end, samples.end);
       if (earlier.back().range.end > samples.end)
-        fmt::print(stderr, "{} holds {} samples per pixel already, more than the {} asked for: all of them are kept\n", output.string(),
+        fmt::print(stderr, "{} holds {} samples per pixel already, more than the {} asked for: all of them are kept\n", there->string(),
                    earlier.back().range.end, samples.end);
     }
   }
@@ -107,7 +108,7 @@ int run(const RenderOptions& options) {
   }
   const ErrorEstimate error = write_picture(output, frame.header(), result);
   const fs::path png = fs::path(output).replace_extension(".png");
-  write_png(output, png);
+  write_png(nodes_path(output), png);
 
   const FrameHeader& header = frame.header();
   const nlohmann::json convergence = convergence_json(result.convergence, threads);
@@ -119,6 +120,7 @@ int run(const RenderOptions& options) {
                          {"convergence", convergence}});
   if (options.json) {
     nlohmann::json j{{"output", output.string()},
+                     {"nodes", nodes_path(output).string()},
                      {"png", png.string()},
                      {"complete", result.complete},
                      {"samples", {result.samples.begin, result.samples.end}},
@@ -137,7 +139,7 @@ int run(const RenderOptions& options) {
     fmt::print("{}: samples {} to {} of {}x{} pixels, {} ({} samples/s), {} threads\n", output.string(), result.samples.begin,
                result.samples.end, header.width, header.height, format_seconds(render_seconds),
                format_count(static_cast<double>(progress.samples) / std::max(1e-9, render_seconds)), threads);
-    fmt::print("{}: the same picture to look at\n", png.string());
+    fmt::print("{}: the same picture to look at\n{}: its samples, for --resume and merge\n", png.string(), nodes_path(output).string());
     fmt::print("{}{}{}", format_error(error), format_bias(options.settings.estimator), format_convergence(result.convergence, threads));
     fmt::print("{}: errors and times\n", sidecar_path(output).string());
   }
@@ -160,7 +162,9 @@ void add_render_command(CLI::App& app, int& code) {
   auto* command = app.add_subcommand("render", "Render a scene in this process");
   auto options = std::make_shared<RenderOptions>();
   command->add_option("scene", options->scene, "Scene file in pbrt-v4 format")->required();
-  command->add_option("-o,--output", options->output, "EXR to write; without it the scene's own file name, which must not exist yet");
+  command->add_option(
+      "-o,--output", options->output,
+      "EXR to write, its samples beside it as NAME.nodes.exr; without it the scene's own file name, which must not exist yet");
   add_frame_options(*command, options->settings);
   add_target_options(*command, options->target);
   add_sample_map_option(*command, options->target);

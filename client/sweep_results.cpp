@@ -13,6 +13,7 @@
 #include "renderer/accuracy/sweep_plot.h"
 #include "renderer/film/atomic_file.h"
 #include "renderer/film/exr.h"
+#include "renderer/film/picture_file.h"
 #include "renderer/film/png.h"
 
 namespace woodcock {
@@ -52,7 +53,7 @@ Curve find_curve(const SweepFindings& f, const SweepCurve& planned) {
   std::string heavy_tail;
   for (const fs::path& file : largest_pictures(*f.plan, *f.store, curve.seeds)) {
     pictures.push_back(read_picture(file).luminances());
-    if (heavy_tail.empty()) heavy_tail = heavy_tail_reason(estimate_error(file));
+    if (heavy_tail.empty()) heavy_tail = heavy_tail_reason(estimate_error(nodes_of(file)));
   }
   curve.summary = summarise_curve(curve.points, reference.relative_mse, bias_floor(pictures, reference.luminance, reference.relative_mse));
   curve.summary.heavy_tail = heavy_tail;
@@ -262,12 +263,11 @@ nlohmann::json json_of(const SweepFindings& f, const std::vector<Curve>& curves,
 SweepReference load_reference(const fs::path& exr, const std::string& origin) {
   SweepReference reference{read_picture(exr), {}, 0, {}};
   reference.luminance = reference.picture.luminances();
+  // An EXR of another program has no statistics, and a picture whose nodes are lost has none any more.
   std::optional<ErrorEstimate> error;
-  try {
-    error = estimate_error(exr);
-  } catch (const FilmError&) {
-    // An EXR of another program has no statistics; what matters is said below.
-  }
+  const FrameFile::Kind kind = look_at(exr).kind;
+  const bool lost = kind == FrameFile::Kind::kPicture && !fs::exists(nodes_path(exr));
+  if (kind != FrameFile::Kind::kOther && !lost) error = estimate_error(nodes_of(exr));
   if (error && error->missing_pixels > 0)
     throw FilmError(exr.string(), fmt::format("cannot be the reference: {} of its pixels have no samples", error->missing_pixels));
   if (error && error->relative_mse) {
@@ -275,7 +275,10 @@ SweepReference load_reference(const fs::path& exr, const std::string& origin) {
     reference.what = fmt::format("{}: {} samples per pixel, its own error {:.3g} % (subtracted from all errors)", origin, error->samples,
                                  100 * std::sqrt(reference.relative_mse));
   } else {
-    reference.what = origin + ": it does not tell its own error, which is taken as 0 and so is part of every error here";
+    reference.what =
+        fmt::format("{}: {}, which is taken as 0 and so is part of every error here", origin,
+                    lost ? fmt::format("{} is not beside it, so nothing tells its own error", nodes_path(exr).filename().string())
+                         : "it does not tell its own error");
   }
   return reference;
 }

@@ -12,7 +12,7 @@
 
 namespace woodcock {
 
-/// The relative MSE of a node file against the reference it belongs to; nothing where it has none.
+/// The relative MSE of a picture against the reference it belongs to; nothing where it has none.
 using MeasurePicture = std::function<std::optional<double>(const std::filesystem::path& exr)>;
 
 /// Who renders the runs.
@@ -47,14 +47,14 @@ class LocalSweep : public SweepEngine {
   std::map<std::string, FrameRenderer> frames_;
 };
 
-/// Puts the node file `name`, which must be durable, in the place of the run's old one, and saves the record; the old file goes
-/// unless it is the picture of a point.
+/// Puts the picture `name`, which must be durable with its nodes, in the place of the run's old one, and saves the record; the old
+/// files go unless they are the picture of a point.
 void replace_nodes(const SweepRun& run, const SweepStore& store, RunRecord& record, const std::string& name);
 
 /// The same for a run that has reached its samples: the picture is measured and becomes a point of the record.
 void add_point(const SweepRun& run, const SweepStore& store, RunRecord& record, const std::string& name, const MeasurePicture& measure);
 
-/// The name of a run's node file of so many samples.
-std::string nodes_name(const SweepRun& run, int64_t samples);
+/// The name of a run's picture of so many samples.
+std::string picture_name(const SweepRun& run, int64_t samples);
 
 }  // namespace woodcock

@@ -4,10 +4,10 @@
 
 #include <stdexcept>
 
+#include "client/fetch_frames.h"
 #include "client/job_view.h"
 #include "client/submission.h"
 #include "client/watch_job.h"
-#include "rpc/blob_transfer.h"
 
 namespace woodcock {
 
@@ -53,8 +53,8 @@ bool ServiceSweep::finish(const SweepRun& run, const SweepStore& store, RunRecor
   request.set_job_id(record.job);
   v1::GetFrameResponse response;
   service_.call(&v1::JobsService::Stub::GetFrame, request, response, "asking for the picture of " + run.id, std::chrono::minutes(10));
-  const std::string name = nodes_name(run, run.samples);
-  rpc::download_file(service_.blobs(), response.image_digest(), store.picture(name).string());
+  const std::string name = picture_name(run, run.samples);
+  download_frame(service_, response.image_digest(), store.picture(name));
   record.cpu_seconds = job->progress().result_seconds();
   add_point(run, store, record, name, measure);
   return true;

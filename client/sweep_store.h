@@ -25,7 +25,7 @@ struct RunPoint {
 struct RunRecord {
   int64_t samples = 0;     ///< of the node file; where a run was interrupted it may lie between two points
   double cpu_seconds = 0;  ///< of all of them
-  std::string nodes;       ///< file name; empty at 0 samples
+  std::string nodes;       ///< name of the picture beside which they lie; empty at 0 samples
   std::vector<RunPoint> points;
   std::string job;      ///< of the service that rendered them; empty where they were rendered here
   std::string refused;  ///< why it cannot be rendered at all

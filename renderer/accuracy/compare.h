@@ -34,7 +34,7 @@ PictureDifference compare_pictures(const Picture& picture, const Picture& refere
 /// or a value is not finite.
 PictureDifference compare_pictures(const std::filesystem::path& picture, const std::filesystem::path& reference, HdrFlip* map = nullptr);
 
-/// What the statistics in a node file make of the difference: is it noise? All of luminance, tested two-sided with Student's t
+/// What the statistics in the node files make of the difference: is it noise? All of luminance, tested two-sided with Student's t
 /// between replicates (Welch's degrees of freedom where both files have statistics).
 struct NoiseTest {
   bool reference_has_noise = false;  ///< false: the reference is taken for exact
@@ -50,7 +50,8 @@ struct NoiseTest {
   int64_t beyond_corrected = 0;  ///< pixels with p < 0.05/pixels (Bonferroni): any is evidence
 };
 
-/// Absent where the picture is no node file or holds one sample only. Throws FilmError where pixels miss samples or sizes differ.
+/// Both are pictures with their nodes beside them, node files, or pictures of other programs. Absent where the picture has no nodes or
+/// holds one sample only. Throws FilmError where pixels miss samples, sizes differ, or nodes belong to another picture.
 std::optional<NoiseTest> test_noise(const std::filesystem::path& picture, const std::filesystem::path& reference);
 
 }  // namespace woodcock

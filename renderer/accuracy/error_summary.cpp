@@ -13,11 +13,12 @@ struct Number {
   std::optional<double> (*value)(const ErrorEstimate&);
 };
 
+/// With "woodcock:" before it a name has at most 31 bytes: a longer one makes an EXR file of a kind that small readers may refuse.
 constexpr Number kNumbers[] = {
     {"error.pixels", 1, [](const ErrorEstimate& e) { return std::optional(static_cast<double>(e.pixels)); }},
     {"error.image_mean", 1, [](const ErrorEstimate& e) { return std::optional(e.image_mean); }},
     {"error.degrees", 2, [](const ErrorEstimate& e) { return std::optional<double>(e.degrees); }},
-    {"error.image_mean_standard_error", 2, [](const ErrorEstimate& e) { return e.image_mean_standard_error; }},
+    {"error.image_mean_error", 2, [](const ErrorEstimate& e) { return e.image_mean_standard_error; }},
     {"error.relative_error", 2,
      [](const ErrorEstimate& e) { return e.relative_error ? std::optional(e.relative_error->value) : std::nullopt; }},
     {"error.relative_mse", 2, [](const ErrorEstimate& e) { return e.relative_mse; }},

@@ -8,6 +8,7 @@
 #include "renderer/accuracy/convergence.h"
 #include "renderer/accuracy/student.h"
 #include "renderer/film/exr.h"
+#include "renderer/film/picture_file.h"
 
 namespace woodcock {
 
@@ -19,21 +20,14 @@ struct Measured {
   int degrees = 0;
   ErrorEstimate error;
   std::optional<NodeFileInfo> info;
+  bool nodes_lost = false;  ///< a picture of ours without the statistics that belong to it
 };
-
-std::optional<NodeFileInfo> node_file_info(const std::filesystem::path& path) {
-  try {
-    return ExrReader(path).info();
-  } catch (const FilmError&) {
-    return std::nullopt;  // a picture of another program
-  }
-}
 
 Measured measure(const std::filesystem::path& path) {
   Measured m;
-  m.info = node_file_info(path);
-  if (!m.info || m.info->samples.size() < 2) {
-    m.info.reset();
+  const FrameFile file = look_at(path);
+  m.nodes_lost = file.kind == FrameFile::Kind::kPicture && !std::filesystem::exists(nodes_path(path));
+  if (file.kind == FrameFile::Kind::kOther || file.info.samples.size() < 2 || m.nodes_lost) {
     const Picture picture = read_picture(path);
     double sum = 0;
     for (const Rgb& pixel : picture.pixels) {
@@ -44,11 +38,13 @@ Measured measure(const std::filesystem::path& path) {
     m.error.image_mean = sum / static_cast<double>(m.mean.size());
     return m;
   }
-  m.error = estimate_error(path);
+  m.info = file.info;
+  const std::filesystem::path nodes = nodes_of(path);
+  m.error = estimate_error(nodes);
   if (m.error.missing_pixels > 0) throw FilmError(path.string(), fmt::format("{} of its pixels miss samples", m.error.missing_pixels));
   if (m.error.degrees < 1) throw FilmError(path.string(), "some of its pixels have one sample only, which says nothing of its noise");
   m.degrees = m.error.degrees;
-  ExrReader reader(path);
+  ExrReader reader(nodes);
   PixelWeights all_weights = m.info->map ? PixelWeights::by_count() : PixelWeights(m.info->samples);
   constexpr int kRows = 64;
   for (int y = m.info->rect.y0; y < m.info->rect.y1; y += kRows)
@@ -77,6 +73,7 @@ double p_of(double difference, double variance, double degrees) {
 }
 
 std::string caution_of(const Measured& a, const Measured& b) {
+  if (b.nodes_lost) return "the reference has noise that nothing tells: its nodes are not beside it";
   if (b.info) {
     const FrameHeader &x = a.info->header, &y = b.info->header;
     if (x.scene_digest == y.scene_digest && x.seed == y.seed && x.frame == y.frame && a.info->samples.overlaps(b.info->samples))

@@ -38,8 +38,12 @@ AtomicFile::~AtomicFile() {
   ::unlink(path_.c_str());
 }
 
-void AtomicFile::commit() {
+void AtomicFile::sync() {
   if (::fsync(descriptor_) != 0) fail(target_, "cannot make the file durable");
+}
+
+void AtomicFile::commit() {
+  sync();
   if (::rename(path_.c_str(), target_.c_str()) != 0) fail(target_, "cannot give the file its name");
   ::close(descriptor_);
   descriptor_ = -1;

@@ -20,7 +20,9 @@ class AtomicFile {
   /// Where to write until `commit`.
   const std::filesystem::path& path() const { return path_; }
 
-  /// fsync of the file, rename, fsync of the folder. Whoever wrote by path must have closed. Throws FilmError.
+  /// fsync of the file. Whoever wrote by path must have closed. Throws FilmError.
+  void sync();
+  /// The same, rename, fsync of the folder.
   void commit();
 
  private:

@@ -1,13 +1,14 @@
 // Node files: the EXR form of tiles and frames.
 //
-// A node file holds one rectangle of pixels and a range of samples as plain float32 channels that any viewer opens:
+// A node file holds one rectangle of pixels and a range of samples as plain float32 channels. It is what a frame is resumed from
+// and merged of; what people look at is the picture that is made of it (see picture_file.h).
 //
 //   R G B                mean radiance              replicate.0 … .7   mean luminance of each replicate
 //   deviation.R .G .B    standard deviation         largest            largest |luminance| of one sample
 //   count                samples; 0 = missing       albedo.R .G .B, normal.X .Y .Z, depth.Z   as the AOV set says
 //
-// A dyadic range makes one part, which is both picture and node. Any other range makes a part 0 that is the fold (what
-// a viewer shows), followed by one part a dyadic node in the order of the indices. A frame whose blocks hold different
+// A dyadic range makes one part, which is both picture and node. Any other range makes a part 0 that is the fold, followed by
+// one part a dyadic node in the order of the indices. A frame whose blocks hold different
 // numbers of samples says so in "woodcock:map" (see sample_map.h): its parts are the fold of each pixel's own nodes, and one
 // part for each node that some block holds; pixels of the other blocks have count 0 there. The data window is the rectangle, the
 // display window the full image. Part 0 carries the header as string attributes "woodcock:KEY", every part its range as
@@ -21,6 +22,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "renderer/film/sample_map.h"
@@ -50,20 +52,20 @@ struct NodeFile {
   std::vector<Tile> nodes;
 };
 
-/// Numbers about the whole picture, for people who open the file: attributes "woodcock:NAME" of type float in part 0. They are
-/// known only after the last row, so they get their place first and their value before the file gets its name. No reader
-/// here takes them for true.
+/// Numbers about the whole picture, for people who open a file: attributes "woodcock:NAME" of type float in part 0 and in the picture. They
+/// are known only after the last row, so they get their place first and their value before the file gets its name. No reader here takes
+/// them for true.
 struct PictureSummary {
   std::function<std::vector<std::string>(SampleRange samples)> names;
   /// In the order of `names`; `file` is the picture under its temporary name.
   std::function<std::vector<float>(const std::filesystem::path& file, SampleRange samples)> values;
 };
 
-/// Writes `nodes`: one rectangle, and the dyadic nodes of one range in order. The file appears whole or not at all, and
-/// durably. Throws FilmError for nodes that do not fit together, for a number that is not finite, and where the
-/// disk refuses.
+/// Writes `nodes`: one rectangle, and the dyadic nodes of one range in order; and their picture, where `picture` names a file.
+/// Each file appears whole or not at all, and durably, the nodes before the picture. Throws FilmError for nodes that do not fit
+/// together, for a number that is not finite, and where the disk refuses.
 void write_exr(const std::filesystem::path& path, const FrameHeader& header, std::span<const Tile> nodes,
-               const PictureSummary* summary = nullptr);
+               const PictureSummary* summary = nullptr, const std::filesystem::path& picture = {});
 
 /// The same bytes in memory, without a summary.
 std::string encode_exr(const FrameHeader& header, std::span<const Tile> nodes);
@@ -91,6 +93,8 @@ class ExrReader {
   ExrReader(ExrReader&&) noexcept;
 
   const NodeFileInfo& info() const;
+  /// The numbers about the picture, for people.
+  const std::vector<std::pair<std::string, float>>& numbers() const;
   /// Rows [y0, y1) of the rectangle, of node `index` of `info().nodes`. Throws FilmError.
   std::vector<PixelStats> node_rows(size_t index, int y0, int y1);
   /// The same of the fold: the picture.
@@ -104,13 +108,14 @@ class ExrReader {
 /// Writes a node file by rows: first all rows of the fold if there are several nodes, then all rows of each node in order.
 class ExrWriter {
  public:
-  /// `info.nodes` is ignored: it follows from range and map.
-  ExrWriter(const std::filesystem::path& path, const NodeFileInfo& info, const PictureSummary* summary = nullptr);
+  /// `info.nodes` is ignored: it follows from range and map. `picture` names the picture's file, if one is to be made.
+  ExrWriter(const std::filesystem::path& path, const NodeFileInfo& info, const PictureSummary* summary = nullptr,
+            const std::filesystem::path& picture = {});
   ~ExrWriter();
 
   /// The next rows: any number of whole rows of the part that is being written. Throws FilmError.
   void write_rows(std::span<const PixelStats> rows);
-  /// After the last row: makes the file durable and gives it its name. Throws FilmError.
+  /// After the last row: makes the file durable and gives it its name, and then the picture. Throws FilmError.
   void commit();
 
  private:

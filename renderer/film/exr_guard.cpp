@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <fstream>
 #include <string>
 
 #include "renderer/film/exr_layout.h"
@@ -168,6 +169,25 @@ bool check_headers(std::string_view bytes, uint64_t file_size, std::string_view 
   } catch (const EndOfBytes&) {
     if (bytes.size() < file_size && bytes.size() < kMaxHeaderBytes) return false;
     scanner.refuse(bytes.size() < kMaxHeaderBytes ? "it ends inside its header" : "its header is too long");
+  }
+}
+
+void check_file(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  if (!std::filesystem::is_regular_file(path)) throw FilmError(name, "is not there or not a file");
+  std::error_code error;
+  const uint64_t size = std::filesystem::file_size(path, error);
+  std::ifstream in(path, std::ios::binary);
+  if (error || !in) throw FilmError(name, "cannot be opened");
+  std::string beginning;
+  for (size_t length = size_t{64} << 10;; length = kMaxHeaderBytes) {
+    beginning.resize(static_cast<size_t>(std::min<uint64_t>(length, size)));
+    in.clear();
+    in.seekg(0);
+    in.read(beginning.data(), static_cast<std::streamsize>(beginning.size()));
+    beginning.resize(static_cast<size_t>(in.gcount()));
+    if (check_headers(beginning, size, name)) return;
+    if (length == kMaxHeaderBytes) throw FilmError(name, "cannot be read");
   }
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <string_view>
 
 namespace woodcock::exr {
@@ -14,5 +15,8 @@ inline constexpr size_t kMaxHeaderBytes = size_t{16} << 20;
 /// more pixels than `file_size` bytes of zip data can hold. `bytes` are the beginning of the file: if it is longer than
 /// that and the headers do not end inside, the answer is false and nothing is known yet.
 bool check_headers(std::string_view bytes, uint64_t file_size, std::string_view name);
+
+/// The same for a file. Throws FilmError naming it, also where it cannot be opened.
+void check_file(const std::filesystem::path& path);
 
 }  // namespace woodcock::exr

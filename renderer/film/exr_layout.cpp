@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cstddef>
 #include <map>
@@ -15,6 +16,7 @@ namespace {
 constexpr std::string_view kPrefix = "woodcock:";
 constexpr std::string_view kSetting = "setting.";
 constexpr std::string_view kFormat = "1";
+constexpr std::string_view kPictureFormat = "picture 1";
 
 [[noreturn]] void refuse(std::string_view name, std::string_view reason) { throw FilmError(name, reason); }
 
@@ -137,22 +139,72 @@ void check_map(const NodeFileInfo& info, std::string_view name) {
   if (info.nodes.size() >= kMaxParts) refuse(name, "its sample map has more different counts than a file has parts");
 }
 
+void add_one(std::vector<Channel>& list, std::string name, size_t bytes) { list.push_back({std::move(name), bytes / sizeof(float)}); }
+
+void add_three(std::vector<Channel>& list, const std::array<const char*, 3>& names, size_t bytes) {
+  for (size_t c = 0; c < 3; ++c) add_one(list, names[c], bytes + c * sizeof(float));
+}
+
+void add_geometry(std::vector<Channel>& list, AovSet aovs) {
+  if (aovs.normal) add_three(list, {"normal.X", "normal.Y", "normal.Z"}, offsetof(PixelStats, normal));
+  if (aovs.depth) add_one(list, "depth.Z", offsetof(PixelStats, depth));
+}
+
+/// Windows, format and compression, which all parts of node files and pictures share.
+OIIO::ImageSpec spec_of(const NodeFileInfo& info, const std::vector<Channel>& list) {
+  OIIO::ImageSpec spec(info.rect.width(), info.rect.height(), static_cast<int>(list.size()), OIIO::TypeFloat);
+  for (size_t c = 0; c < list.size(); ++c) spec.channelnames[c] = list[c].name;
+  spec.x = info.rect.x0;
+  spec.y = info.rect.y0;
+  spec.full_x = spec.full_y = 0;
+  spec.full_width = info.header.width;
+  spec.full_height = info.header.height;
+  spec.attribute("compression", "zip:4");
+  // OpenImageIO writes the time of day unless there is a date; an empty one says nothing.
+  spec.attribute("DateTime", "");
+  return spec;
+}
+
+void put(OIIO::ImageSpec& spec, std::string_view key, const std::string& value) {
+  spec.attribute(fmt::format("{}{}", kPrefix, key), value);
+}
+
+void put_number(OIIO::ImageSpec& spec, std::string_view key, float value) { spec.attribute(fmt::format("{}{}", kPrefix, key), value); }
+
+/// What the frame is: the header of a node file's first part, and of a picture.
+void put_frame(OIIO::ImageSpec& spec, const NodeFileInfo& info) {
+  put(spec, "samples", range_text(info.samples));
+  if (info.map) put(spec, "map", to_text(info.map->counts));
+  for (const auto& [key, value] : header_fields(info.header)) put(spec, key, value);
+  put(spec, "setting_order", order_text(info.header));
+  if (info.missing_pixels > 0) {
+    put(spec, "missing_pixels", std::to_string(info.missing_pixels));
+    put(spec, "gap_count", std::to_string(info.gaps.size()));
+    put(spec, "gaps", gaps_text(info.gaps));
+  }
+}
+
 }  // namespace
 
 std::vector<Channel> channels(AovSet aovs) {
   std::vector<Channel> list;
-  const auto add3 = [&](std::string_view prefix, std::string_view letters, size_t bytes) {
-    for (size_t c = 0; c < 3; ++c) list.push_back({fmt::format("{}{}", prefix, letters[c]), bytes / sizeof(float) + c});
-  };
-  const auto add = [&](std::string name, size_t bytes) { list.push_back({std::move(name), bytes / sizeof(float)}); };
-  add3("", "RGB", offsetof(PixelStats, mean));
-  add3("deviation.", "RGB", offsetof(PixelStats, deviation));
-  for (size_t k = 0; k < kReplicates; ++k) add(fmt::format("replicate.{}", k), offsetof(PixelStats, replicate) + k * sizeof(float));
-  add("largest", offsetof(PixelStats, largest));
-  add("count", offsetof(PixelStats, count));
-  if (aovs.albedo) add3("albedo.", "RGB", offsetof(PixelStats, albedo));
-  if (aovs.normal) add3("normal.", "XYZ", offsetof(PixelStats, normal));
-  if (aovs.depth) add("depth.Z", offsetof(PixelStats, depth));
+  add_three(list, {"R", "G", "B"}, offsetof(PixelStats, mean));
+  add_three(list, {"deviation.R", "deviation.G", "deviation.B"}, offsetof(PixelStats, deviation));
+  for (size_t k = 0; k < kReplicates; ++k)
+    add_one(list, fmt::format("replicate.{}", k), offsetof(PixelStats, replicate) + k * sizeof(float));
+  add_one(list, "largest", offsetof(PixelStats, largest));
+  add_one(list, "count", offsetof(PixelStats, count));
+  if (aovs.albedo) add_three(list, {"albedo.R", "albedo.G", "albedo.B"}, offsetof(PixelStats, albedo));
+  add_geometry(list, aovs);
+  return list;
+}
+
+std::vector<Channel> picture_channels(AovSet aovs) {
+  std::vector<Channel> list;
+  add_three(list, {"R", "G", "B"}, offsetof(PixelStats, mean));
+  add_one(list, "count", offsetof(PixelStats, count));
+  if (aovs.albedo) add_three(list, {"albedo.red", "albedo.green", "albedo.blue"}, offsetof(PixelStats, albedo));
+  add_geometry(list, aovs);
   return list;
 }
 
@@ -191,41 +243,46 @@ void check_info(const NodeFileInfo& info, std::string_view name) {
 }
 
 OIIO::ImageSpec part_spec(const NodeFileInfo& info, size_t index, const std::vector<std::string>& numbers) {
-  const auto list = channels(info.header.aovs);
-  OIIO::ImageSpec spec(info.rect.width(), info.rect.height(), static_cast<int>(list.size()), OIIO::TypeFloat);
-  for (size_t c = 0; c < list.size(); ++c) spec.channelnames[c] = list[c].name;
-  spec.x = info.rect.x0;
-  spec.y = info.rect.y0;
-  spec.full_x = spec.full_y = 0;
-  spec.full_width = info.header.width;
-  spec.full_height = info.header.height;
-  spec.attribute("compression", "zip:4");
-  // OpenImageIO writes the time of day unless there is a date; an empty one says nothing.
-  spec.attribute("DateTime", "");
+  OIIO::ImageSpec spec = spec_of(info, channels(info.header.aovs));
   const bool fold = has_fold(info) && index == 0;
   const SampleRange range = fold ? info.samples : info.nodes[has_fold(info) ? index - 1 : index];
   spec.attribute("oiio:subimagename", index == 0 ? std::string("beauty") : "samples " + range_text(range));
-  const auto put = [&spec](std::string_view key, const std::string& value) { spec.attribute(fmt::format("{}{}", kPrefix, key), value); };
-  put("node", fold ? "fold" : range_text(range));
+  put(spec, "node", fold ? "fold" : range_text(range));
   if (index != 0) return spec;
-  put("format", std::string(kFormat));
-  put("samples", range_text(info.samples));
-  if (info.map) put("map", to_text(info.map->counts));
-  for (const auto& [key, value] : header_fields(info.header)) put(key, value);
-  put("setting_order", order_text(info.header));
-  for (const std::string& number : numbers) spec.attribute(fmt::format("{}{}", kPrefix, number), 0.0f);
-  if (info.missing_pixels > 0) {
-    put("missing_pixels", std::to_string(info.missing_pixels));
-    put("gap_count", std::to_string(info.gaps.size()));
-    put("gaps", gaps_text(info.gaps));
-  }
+  put(spec, "format", std::string(kFormat));
+  put_frame(spec, info);
+  for (const std::string& number : numbers) put_number(spec, number, 0);
   return spec;
 }
 
-NodeFileInfo parse_info(const OIIO::ImageSpec& spec, std::string_view name) {
-  const Fields fields(spec, name);
-  if (const std::string format = fields.get("format"); format != kFormat)
-    refuse(name, fmt::format("is a node file of format '{}'; this program reads format {}", format.substr(0, 100), kFormat));
+OIIO::ImageSpec picture_spec(const NodeFileInfo& info, const std::vector<std::pair<std::string, float>>& numbers,
+                             const std::string& nodes_digest) {
+  OIIO::ImageSpec spec = spec_of(info, picture_channels(info.header.aovs));
+  put(spec, "format", std::string(kPictureFormat));
+  put(spec, "nodes_digest", nodes_digest);
+  put_frame(spec, info);
+  for (const auto& [number, value] : numbers) put_number(spec, number, value);
+  return spec;
+}
+
+FileKind kind_of(const OIIO::ImageSpec& spec) {
+  const std::string format = spec.get_string_attribute(std::string(kPrefix) + "format");
+  return format.empty() ? FileKind::kOther : format.starts_with("picture") ? FileKind::kPicture : FileKind::kNodes;
+}
+
+std::vector<std::pair<std::string, float>> numbers_of(const OIIO::ImageSpec& spec) {
+  std::vector<std::pair<std::string, float>> numbers;
+  for (const auto& attribute : spec.extra_attribs) {
+    const std::string key = attribute.name().string();
+    if (key.starts_with(kPrefix) && attribute.type() == OIIO::TypeFloat)
+      numbers.emplace_back(key.substr(kPrefix.size()), attribute.get_float());
+  }
+  return numbers;
+}
+
+namespace {
+
+NodeFileInfo parse_frame(const Fields& fields, const OIIO::ImageSpec& spec, std::string_view name) {
   NodeFileInfo info;
   info.rect = window(spec);
   const auto samples = parse_range(fields.get("samples"));
@@ -279,6 +336,26 @@ NodeFileInfo parse_info(const OIIO::ImageSpec& spec, std::string_view name) {
   check_info(info, name);
   return info;
 }
+
+}  // namespace
+
+NodeFileInfo parse_info(const OIIO::ImageSpec& spec, std::string_view name) {
+  const Fields fields(spec, name);
+  if (kind_of(spec) == FileKind::kPicture)
+    refuse(name, "is a picture: what is needed here are its nodes, the file whose name ends in .nodes.exr beside it");
+  if (const std::string format = fields.get("format"); format != kFormat)
+    refuse(name, fmt::format("is a node file of format '{}'; this program reads format {}", format.substr(0, 100), kFormat));
+  return parse_frame(fields, spec, name);
+}
+
+NodeFileInfo parse_picture_info(const OIIO::ImageSpec& spec, std::string_view name) {
+  const Fields fields(spec, name);
+  if (const std::string format = fields.get("format"); format != kPictureFormat)
+    refuse(name, fmt::format("is a picture of format '{}'; this program reads format '{}'", format.substr(0, 100), kPictureFormat));
+  return parse_frame(fields, spec, name);
+}
+
+std::string parse_nodes_digest(const OIIO::ImageSpec& spec, std::string_view name) { return Fields(spec, name).get("nodes_digest"); }
 
 void check_part(const OIIO::ImageSpec& spec, const NodeFileInfo& info, size_t index, std::string_view name) {
   const auto wrong = [&](std::string_view what) { refuse(name, fmt::format("part {}: {}", index, what)); };

@@ -2,8 +2,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <cstring>
-#include <fstream>
 
 #include "renderer/film/exr.h"
 #include "renderer/film/exr_guard.h"
@@ -16,29 +14,12 @@ struct ExrReader::Impl {
   std::unique_ptr<OIIO::Filesystem::IOMemReader> memory;
   std::unique_ptr<OIIO::ImageInput> input;
   NodeFileInfo info;
+  std::vector<std::pair<std::string, float>> numbers;
   std::vector<exr::Channel> channels;
   std::vector<size_t> sources;  ///< of each channel, its place in the file's order (that of the current part)
   int part = -1;
 
   [[noreturn]] void refuse(std::string_view reason) const { throw FilmError(name, reason); }
-
-  /// Checks the headers before OpenImageIO allocates what they ask for.
-  void guard_file(const std::filesystem::path& path) const {
-    std::error_code error;
-    const uint64_t size = std::filesystem::file_size(path, error);
-    std::ifstream in(path, std::ios::binary);
-    if (error || !in) refuse("cannot be opened");
-    std::string beginning;
-    for (size_t length = size_t{64} << 10;; length = exr::kMaxHeaderBytes) {
-      beginning.resize(static_cast<size_t>(std::min<uint64_t>(length, size)));
-      in.clear();
-      in.seekg(0);
-      in.read(beginning.data(), static_cast<std::streamsize>(beginning.size()));
-      beginning.resize(static_cast<size_t>(in.gcount()));
-      if (exr::check_headers(beginning, size, name)) return;
-      if (length == exr::kMaxHeaderBytes) refuse("cannot be read");
-    }
-  }
 
   void open(const std::string& path) {
     // The reader is chosen here: the content, not the name's ending, decides whether it accepts the file.
@@ -48,6 +29,7 @@ struct ExrReader::Impl {
     OIIO::ImageSpec spec;
     if (!input->open(path, spec)) refuse(fmt::format("cannot be read: {}", input->geterror()));
     info = exr::parse_info(spec, name);
+    numbers = exr::numbers_of(spec);
     channels = exr::channels(info.header.aovs);
     const size_t parts = exr::part_count(info);
     for (size_t i = 0; i < parts; ++i) select(static_cast<int>(i));
@@ -139,8 +121,7 @@ struct ExrReader::Impl {
 
 ExrReader::ExrReader(const std::filesystem::path& path) : impl_(std::make_unique<Impl>()) {
   impl_->name = path.string();
-  if (!std::filesystem::is_regular_file(path)) impl_->refuse("is not there or not a file");
-  impl_->guard_file(path);
+  exr::check_file(path);
   impl_->open(path.string());
 }
 
@@ -155,6 +136,7 @@ ExrReader::~ExrReader() = default;
 ExrReader::ExrReader(ExrReader&&) noexcept = default;
 
 const NodeFileInfo& ExrReader::info() const { return impl_->info; }
+const std::vector<std::pair<std::string, float>>& ExrReader::numbers() const { return impl_->numbers; }
 
 std::vector<PixelStats> ExrReader::node_rows(size_t index, int y0, int y1) {
   const NodeFileInfo& info = impl_->info;

@@ -8,6 +8,7 @@
 #include "renderer/film/atomic_file.h"
 #include "renderer/film/exr.h"
 #include "renderer/film/exr_layout.h"
+#include "renderer/film/picture_file.h"
 
 namespace woodcock {
 
@@ -119,6 +120,14 @@ NodeFileInfo info_of(const FrameHeader& header, std::span<const Tile> nodes, std
   return info;
 }
 
+/// Gives the file its name once its picture is on the disk as well, so that only two renames lie between the old pair and the new.
+void commit_with_picture(AtomicFile& file, const std::filesystem::path& picture_path) {
+  if (picture_path.empty()) return file.commit();
+  const std::unique_ptr<AtomicFile> picture = make_picture(file.path(), picture_path);
+  file.commit();
+  picture->commit();
+}
+
 void write_all(PartWriter& writer, const NodeFileInfo& info, std::span<const Tile> nodes) {
   if (exr::has_fold(info)) {
     const auto order = fold_order(info.nodes);
@@ -137,12 +146,13 @@ void write_all(PartWriter& writer, const NodeFileInfo& info, std::span<const Til
 
 }  // namespace
 
-void write_exr(const std::filesystem::path& path, const FrameHeader& header, std::span<const Tile> nodes, const PictureSummary* summary) {
+void write_exr(const std::filesystem::path& path, const FrameHeader& header, std::span<const Tile> nodes, const PictureSummary* summary,
+               const std::filesystem::path& picture) {
   const NodeFileInfo info = info_of(header, nodes, path.string());
   AtomicFile file(path);
   PartWriter writer(info, file.path().string(), nullptr, path.string(), summary);
   write_all(writer, info, nodes);
-  file.commit();
+  commit_with_picture(file, picture);
 }
 
 std::string encode_exr(const FrameHeader& header, std::span<const Tile> nodes) {
@@ -169,24 +179,27 @@ std::string encode_exr(const FrameHeader& header, std::span<const Tile> nodes) {
 struct ExrWriter::Impl {
   AtomicFile file;
   PartWriter writer;
+  std::filesystem::path picture;
 
   static NodeFileInfo with_nodes(NodeFileInfo info) {
     info.nodes = exr::nodes_of(info);
     return info;
   }
-  Impl(const std::filesystem::path& path, const NodeFileInfo& info, const PictureSummary* summary)
-      : file(path), writer(with_nodes(info), file.path().string(), nullptr, path.string(), summary) {}
+  Impl(const std::filesystem::path& path, const NodeFileInfo& info, const PictureSummary* summary,
+       const std::filesystem::path& picture_path)
+      : file(path), writer(with_nodes(info), file.path().string(), nullptr, path.string(), summary), picture(picture_path) {}
 };
 
-ExrWriter::ExrWriter(const std::filesystem::path& path, const NodeFileInfo& info, const PictureSummary* summary)
-    : impl_(std::make_unique<Impl>(path, info, summary)) {}
+ExrWriter::ExrWriter(const std::filesystem::path& path, const NodeFileInfo& info, const PictureSummary* summary,
+                     const std::filesystem::path& picture)
+    : impl_(std::make_unique<Impl>(path, info, summary, picture)) {}
 ExrWriter::~ExrWriter() = default;
 
 void ExrWriter::write_rows(std::span<const PixelStats> rows) { impl_->writer.write(rows); }
 
 void ExrWriter::commit() {
   impl_->writer.close();
-  impl_->file.commit();
+  commit_with_picture(impl_->file, impl_->picture);
 }
 
 }  // namespace woodcock

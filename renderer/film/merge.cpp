@@ -168,13 +168,13 @@ std::vector<std::vector<size_t>> inputs_by_band(std::span<const MergeInput> inpu
 }  // namespace
 
 NodeFileInfo merge_tiles(std::span<const MergeInput> inputs, const TileLoader& load, const std::filesystem::path& out,
-                         const MergeTarget& target, const PictureSummary* summary) {
+                         const MergeTarget& target, const PictureSummary* summary, const std::filesystem::path& picture) {
   const NodeFileInfo info = plan_merge(inputs, target);
   const PixelRect rect = info.rect;
   const int rows = band_rows(inputs, info);
   const auto of_band = inputs_by_band(inputs, rect, rows);
 
-  ExrWriter writer(out, info, summary);
+  ExrWriter writer(out, info, summary, picture);
   TileCache cache(inputs, load);
   // One node, or the fold where none is named.
   const auto write_part = [&](std::optional<SampleRange> node) {

@@ -43,16 +43,18 @@ using TileLoader = std::function<Tile(size_t index)>;
 /// headers, or a tile is outside the target.
 NodeFileInfo plan_merge(std::span<const MergeInput> inputs, const MergeTarget& target = {});
 
-/// Writes the frame to `out` and returns what it holds; the file lists the first kMaxListedGaps gaps. Rows are
-/// put together band by band: a frame of 4096 × 4096 pixels needs some 300 MB, not the 1.5 GB of its statistics. Throws FilmError.
+/// Writes the frame's nodes to `out`, and its picture where `picture` names a file, and returns what it holds; the files list the
+/// first kMaxListedGaps gaps. Rows are put together band by band: a frame of 4096 × 4096 pixels needs some 300 MB, not the 1.5 GB of its
+/// statistics. Throws FilmError.
 NodeFileInfo merge_tiles(std::span<const MergeInput> inputs, const TileLoader& load, const std::filesystem::path& out,
-                         const MergeTarget& target = {}, const PictureSummary* summary = nullptr);
+                         const MergeTarget& target = {}, const PictureSummary* summary = nullptr,
+                         const std::filesystem::path& picture = {});
 
 /// The same for node files: tiles, or earlier frames with several nodes. A file with gaps is refused: merge the tiles
 /// it was made of instead. Where a file has a sample map and the target none, each block gets the samples up to the largest index
 /// that any file has there.
 NodeFileInfo merge_files(std::span<const std::filesystem::path> files, const std::filesystem::path& out, const MergeTarget& target = {},
-                         const PictureSummary* summary = nullptr);
+                         const PictureSummary* summary = nullptr, const std::filesystem::path& picture = {});
 
 /// Called with the index of a count and whole rows of its picture.
 using UseRows = std::function<void(size_t count, std::span<const PixelStats> rows)>;

@@ -100,7 +100,7 @@ class TileFiles {
 }  // namespace
 
 NodeFileInfo merge_files(std::span<const std::filesystem::path> files, const std::filesystem::path& out, const MergeTarget& target,
-                         const PictureSummary* summary) {
+                         const PictureSummary* summary, const std::filesystem::path& picture) {
   TileFiles tiles(files);
   const std::span<const MergeInput> inputs = tiles.inputs();
   MergeTarget wanted = target;
@@ -111,7 +111,7 @@ NodeFileInfo merge_files(std::span<const std::filesystem::path> files, const std
     wanted.map = map_of_inputs(inputs, rect);
   }
   return merge_tiles(
-      inputs, [&](size_t i) { return tiles.load(i); }, out, wanted, summary);
+      inputs, [&](size_t i) { return tiles.load(i); }, out, wanted, summary, picture);
 }
 
 void visit_prefixes(std::span<const std::filesystem::path> files, std::span<const int64_t> counts, const UseRows& use) {

@@ -37,8 +37,8 @@ std::string encode_png(int width, int height, std::span<const unsigned char> cod
   return {bytes.begin(), bytes.end()};
 }
 
-void write_png(const std::filesystem::path& exr, const std::filesystem::path& png) {
-  ExrReader reader(exr);
+void write_png(const std::filesystem::path& nodes, const std::filesystem::path& png) {
+  ExrReader reader(nodes);
   const PixelRect rect = reader.info().rect;
   const auto output = OIIO::ImageOutput::create("png");
   if (!output) throw FilmError(png.string(), OIIO::geterror());

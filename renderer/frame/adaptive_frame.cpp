@@ -9,6 +9,7 @@
 #include "renderer/accuracy/error_summary.h"
 #include "renderer/film/exr.h"
 #include "renderer/film/merge.h"
+#include "renderer/film/picture_file.h"
 #include "renderer/film/split.h"
 #include "renderer/frame/run_units.h"
 
@@ -53,11 +54,11 @@ BlockFrame::BlockFrame(PixelRect bounds) : map{bounds, {}} {
   for (size_t b = 0; b < size; ++b) picture[b].resize(static_cast<size_t>(map.grid().block(b).area()));
 }
 
-BlockFrame read_blocks(const std::filesystem::path& exr, const FrameHeader& header) {
-  ExrReader reader(exr);
+BlockFrame read_blocks(const std::filesystem::path& nodes, const FrameHeader& header) {
+  ExrReader reader(nodes);
   const NodeFileInfo& info = reader.info();
-  const auto refuse = [&](const std::string& why) { throw FilmError(exr.string(), "cannot be resumed: " + why); };
-  if (const std::string other = header_difference(info.header, exr.string(), header, "this render"); !other.empty()) refuse(other);
+  const auto refuse = [&](const std::string& why) { throw FilmError(nodes.string(), "cannot be resumed: " + why); };
+  if (const std::string other = header_difference(info.header, nodes.string(), header, "this render"); !other.empty()) refuse(other);
   if (!(info.rect == header.bounds)) refuse("it holds a part of the frame only");
   if (info.samples.begin != 0) refuse(fmt::format("its samples begin at {}, not at 0", info.samples.begin));
   if (info.samples.end > kMaxMapSamples) refuse(fmt::format("it has more than {} samples per pixel", kMaxMapSamples));
@@ -79,7 +80,7 @@ BlockFrame read_blocks(const std::filesystem::path& exr, const FrameHeader& head
   return blocks;
 }
 
-ErrorEstimate write_blocks(const std::filesystem::path& exr, const FrameHeader& header, const BlockFrame& blocks) {
+ErrorEstimate write_blocks(const std::filesystem::path& picture, const FrameHeader& header, const BlockFrame& blocks) {
   const auto shared = std::make_shared<const FrameHeader>(header);
   std::vector<MergeInput> inputs;
   std::vector<const Tile*> tiles;
@@ -88,11 +89,11 @@ ErrorEstimate write_blocks(const std::filesystem::path& exr, const FrameHeader& 
       inputs.push_back({"a block", shared, node.rect, node.range});
       tiles.push_back(&node);
     }
-  if (tiles.empty()) throw FilmError(exr.string(), "cannot be written: not one block is rendered");
+  if (tiles.empty()) throw FilmError(picture.string(), "cannot be written: not one block is rendered");
   ErrorEstimate error;
   const PictureSummary summary = error_summary(error);
   merge_tiles(
-      inputs, [&](size_t i) { return *tiles[i]; }, exr, {{}, {}, blocks.map}, &summary);
+      inputs, [&](size_t i) { return *tiles[i]; }, nodes_path(picture), {{}, {}, blocks.map}, &summary, picture);
   return error;
 }
 

@@ -22,12 +22,13 @@ struct BlockFrame {
   explicit BlockFrame(PixelRect bounds);
 };
 
-/// The blocks of an earlier file of the frame `header`: one with a sample map, or one of samples [0, n). Throws FilmError where it is
+/// The blocks of an earlier node file of the frame `header`: one with a sample map, or one of samples [0, n). Throws FilmError where it is
 /// of another frame, begins elsewhere, or misses samples.
-BlockFrame read_blocks(const std::filesystem::path& exr, const FrameHeader& header);
+BlockFrame read_blocks(const std::filesystem::path& nodes, const FrameHeader& header);
 
-/// Writes the frame, whose bytes depend on the map only, and returns its error. Throws FilmError, also for a frame without any sample.
-ErrorEstimate write_blocks(const std::filesystem::path& exr, const FrameHeader& header, const BlockFrame& blocks);
+/// Writes the frame's picture and the nodes beside it, whose bytes depend on the map only, and returns its error. Throws FilmError,
+/// also for a frame without any sample.
+ErrorEstimate write_blocks(const std::filesystem::path& picture, const FrameHeader& header, const BlockFrame& blocks);
 
 /// Who renders, and what is watched meanwhile.
 struct PassSetting {

@@ -3,10 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "tests/support/frame_bytes.h"
 #include "tests/support/run_command.h"
 
 namespace woodcock::testing {
@@ -16,11 +16,6 @@ namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
 const std::string kWoodcock = WOODCOCK_BIN_DIR "/woodcock";
-
-std::string bytes_of(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
 
 class Adaptive : public ::testing::Test {
  protected:
@@ -48,7 +43,7 @@ class Adaptive : public ::testing::Test {
   void expect_replayed(const std::string& name) {
     for (const std::string& map : {name, name + ".json"}) {
       render("replayed.exr", {"--sample-map", (folder_ / map).string(), "--threads", "1"});
-      EXPECT_TRUE(bytes_of(folder_ / name) == bytes_of(folder_ / "replayed.exr")) << map;
+      EXPECT_TRUE(bytes_of_frame(folder_ / name) == bytes_of_frame(folder_ / "replayed.exr")) << map;
       fs::remove(folder_ / "replayed.exr");
     }
   }
@@ -63,10 +58,10 @@ TEST_F(Adaptive, TheSameBitsWhateverTilesAndThreads) {
   EXPECT_GT(run["error"]["relative_error"], 0.13);
   EXPECT_GT(run["error"]["image_mean_half_width"], 0);
   EXPECT_THAT(run["sample_map"]["counts"].get<std::string>(), HasSubstr(","));
-  const std::string bytes = bytes_of(folder_ / "a.exr");
+  const std::string bytes = bytes_of_frame(folder_ / "a.exr");
   for (const auto& [tile, threads] : {std::pair{"7", "1"}, {"128", "1"}, {"16", "3"}}) {
     render("b.exr", {"--target-error", "0.18", "--tile", tile, "--threads", threads});
-    EXPECT_TRUE(bytes_of(folder_ / "b.exr") == bytes) << tile;
+    EXPECT_TRUE(bytes_of_frame(folder_ / "b.exr") == bytes) << tile;
   }
   expect_replayed("a.exr");
 }
@@ -84,7 +79,7 @@ TEST_F(Adaptive, ResumingAddsOnlyTheDifference) {
   // Up to one number of samples it becomes a plain frame.
   render("a.exr", {"--spp", "96", "--resume"});
   render("plain.exr", {"--spp", "96"});
-  EXPECT_TRUE(bytes_of(folder_ / "a.exr") == bytes_of(folder_ / "plain.exr"));
+  EXPECT_TRUE(bytes_of_frame(folder_ / "a.exr") == bytes_of_frame(folder_ / "plain.exr"));
   // A plain frame is a start as good as any.
   render("plain.exr", {"--spp", "24"});
   EXPECT_EQ(render("plain.exr", {"--target-error", "18%", "--resume"})["ended_by"], "target");
@@ -96,8 +91,8 @@ TEST_F(Adaptive, TheLimitOfSamplesMakesAPlainFrame) {
   EXPECT_EQ(run["ended_by"], "samples");
   render("b.exr", {"--spp", "18"});
   render("c.exr", {"--max-spp", "18"});
-  EXPECT_TRUE(bytes_of(folder_ / "a.exr") == bytes_of(folder_ / "b.exr"));
-  EXPECT_TRUE(bytes_of(folder_ / "c.exr") == bytes_of(folder_ / "b.exr"));
+  EXPECT_TRUE(bytes_of_frame(folder_ / "a.exr") == bytes_of_frame(folder_ / "b.exr"));
+  EXPECT_TRUE(bytes_of_frame(folder_ / "c.exr") == bytes_of_frame(folder_ / "b.exr"));
 }
 
 TEST_F(Adaptive, AStopByTimeLeavesAFrameThatIsReplayed) {

@@ -150,6 +150,20 @@ TEST_F(BadInput, AnExistingFileIsNotOverwrittenBySurprise) {
   const CommandResult again = run_command({kWoodcock, "render", scene, "--spp", "1"}, folder_.path());
   EXPECT_EQ(again.exit_code, 1);
   EXPECT_NE(again.err.find("own.exr"), std::string::npos) << again.err;
+  // Nor what lies where its nodes would go.
+  fs::remove(folder_ / "own.exr");
+  const auto refused = [&](const std::vector<std::string>& output, const std::string& why) {
+    std::vector<std::string> command{kWoodcock, "render", scene, "--spp", "1"};
+    command.insert(command.end(), output.begin(), output.end());
+    const CommandResult result = run_command(command, folder_.path());
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_THAT(result.err, HasSubstr(why));
+  };
+  refused({}, "own.nodes.exr");
+  write("other.nodes.exr", "a file of somebody else");
+  refused({"-o", "other.exr"}, "other.nodes.exr, which is there and holds something else");
+  refused({"-o", "new.nodes.exr"}, "names that end in .nodes.exr");
+  EXPECT_FALSE(fs::exists(folder_ / "other.exr") || fs::exists(folder_ / "new.nodes.exr"));
 }
 
 TEST_F(BadInput, CtrlCLeavesAValidPartialPicture) {

@@ -1,9 +1,7 @@
 // The same bits from `woodcock render`, whatever the tiles, threads and sample split.
 #include <gtest/gtest.h>
 
-#include <fstream>
-#include <iterator>
-
+#include "tests/support/frame_bytes.h"
 #include "tests/support/run_command.h"
 
 namespace woodcock::testing {
@@ -13,14 +11,9 @@ namespace fs = std::filesystem;
 
 const std::string kWoodcock = WOODCOCK_BIN_DIR "/woodcock";
 
-std::string bytes_of(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
-
 class SameBits : public ::testing::TestWithParam<std::string> {
  protected:
-  /// Renders a part of the scene small and returns the file's bytes.
+  /// Renders a part of the scene small and returns the bytes of the picture and its nodes.
   std::string render(const std::string& name, const std::vector<std::string>& options) {
     std::vector<std::string> arguments{kWoodcock,
                                        "render",
@@ -33,7 +26,7 @@ class SameBits : public ::testing::TestWithParam<std::string> {
     arguments.insert(arguments.end(), options.begin(), options.end());
     const CommandResult result = run_command(arguments);
     EXPECT_EQ(result.exit_code, 0) << result.err;
-    return bytes_of(folder_ / name);
+    return bytes_of_frame(folder_ / name);
   }
 
   TemporaryFolder folder_;
@@ -47,7 +40,7 @@ TEST_P(SameBits, WhateverTheTileSize) {
 
 TEST_P(SameBits, WhateverTheNumberOfThreads) {
   EXPECT_EQ(render("one.exr", {"--spp", "8", "--threads", "1"}), render("two.exr", {"--spp", "8", "--threads", "2"}));
-  EXPECT_EQ(render("five.exr", {"--spp", "8", "--threads", "5"}), bytes_of(folder_ / "one.exr"));
+  EXPECT_EQ(render("five.exr", {"--spp", "8", "--threads", "5"}), bytes_of_frame(folder_ / "one.exr"));
 }
 
 TEST_P(SameBits, WhenSampleRangesAreMerged) {
@@ -59,7 +52,7 @@ TEST_P(SameBits, WhenSampleRangesAreMerged) {
     const CommandResult result = run_command({kWoodcock, "merge", (folder_ / (forward ? "a.exr" : "b.exr")).string(),
                                               (folder_ / (forward ? "b.exr" : "a.exr")).string(), "-o", merged.string()});
     EXPECT_EQ(result.exit_code, 0) << result.err;
-    EXPECT_EQ(bytes_of(merged), whole);
+    EXPECT_EQ(bytes_of_frame(merged), whole);
   }
 }
 

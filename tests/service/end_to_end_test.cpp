@@ -185,6 +185,8 @@ TEST_F(Service, CancelledJobEndsAndItsPartIsFetched) {
   wait_until_mid_job(job);
   EXPECT_EQ(woodcock({"fetch", job, "--partial", "-o", path("part.exr")}).code, 3);
   EXPECT_TRUE(fs::exists(path("part.exr")));
+  EXPECT_TRUE(fs::exists(path("part.nodes.exr")));
+  EXPECT_THAT(woodcock({"merge", path("part.exr"), "-o", path("again.exr")}).err, HasSubstr("pixels miss samples")) << "its own nodes";
   EXPECT_EQ(woodcock({"cancel", job}).code, 0);
   EXPECT_EQ(watch(job), 1);
   EXPECT_EQ(show(job)["state"], "cancelled");

@@ -13,6 +13,8 @@
 #include <iterator>
 #include <thread>
 
+#include "tests/support/frame_bytes.h"
+
 namespace woodcock::testing_service {
 
 namespace fs = std::filesystem;
@@ -20,6 +22,7 @@ using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
 std::string contents(const fs::path& path) {
+  if (path.extension() == ".exr") return testing::bytes_of_frame(path);
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
 }

@@ -48,6 +48,7 @@ struct Ended {
   double seconds = 0;
 };
 
+/// The bytes of a file, and of a picture's nodes beside it.
 std::string contents(const std::filesystem::path& path);
 /// Polls until `condition`; false after `timeout`.
 bool eventually(std::chrono::milliseconds timeout, const std::function<bool()>& condition);
