@@ -21,7 +21,7 @@ void add_service_options(CLI::App& command, ServiceOptions& options) {
 
 Service::Service(const ServiceOptions& options) : address_(options.coordinator), channel_(rpc::make_channel(options.coordinator)) {
   if (!channel_->WaitForConnected(std::chrono::system_clock::now() + kConnect))
-    throw rpc::RpcError(grpc::StatusCode::UNAVAILABLE,
+    throw rpc::RpcError(rpc::Code::kUnavailable,
                         fmt::format("no coordinator answers at {}: start one with `woodcock up`, or say where it is with --coordinator or "
                                     "WOODCOCK_COORDINATOR",
                                     address_));

@@ -38,7 +38,7 @@ void ServiceSweep::begin(const SweepRun& run, const SweepStore& store, RunRecord
       return;
     } catch (const rpc::RpcError& error) {
       // A job that is gone, or has ended badly, is submitted again: what was rendered is known by its key.
-      if (error.code() != grpc::StatusCode::NOT_FOUND && error.code() != grpc::StatusCode::FAILED_PRECONDITION) throw;
+      if (error.code() != rpc::Code::kNotFound && error.code() != rpc::Code::kFailedPrecondition) throw;
     }
   }
   submit(run, store, record);

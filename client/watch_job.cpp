@@ -79,7 +79,7 @@ std::optional<v1::Job> watch_job(Service& service, const std::string& job_id, co
       status = reader->Finish();
     }
     if (interrupt_flag()) break;
-    if (!status.ok() && !rpc::is_retryable(status.error_code())) rpc::throw_if_failed(status, "watching job " + job_id);
+    if (!status.ok() && !rpc::is_retryable(status)) rpc::throw_if_failed(status, "watching job " + job_id);
     if (status.ok()) {
       const v1::Job job = service.job(job_id);
       if (has_ended(job.state())) return job;

@@ -126,7 +126,7 @@ grpc::Status BlobsService::Upload(grpc::ServerContext* context, grpc::ServerRead
         rpc::fail_invalid("chunk: expected 1 byte to 1 MiB");
       upload->append(request.chunk(), coordinator_.now());
     }
-    if (watch.stalled()) throw rpc::RpcError(grpc::StatusCode::DEADLINE_EXCEEDED, "no chunk came in time; ask QueryUpload where to go on");
+    if (watch.stalled()) throw rpc::RpcError(rpc::Code::kDeadlineExceeded, "no chunk came in time; ask QueryUpload where to go on");
     response->set_complete(upload->finish(coordinator_.now()));
     response->set_stored_bytes(upload->stored());
   });
@@ -143,8 +143,7 @@ grpc::Status BlobsService::Download(grpc::ServerContext* context, const v1::Down
     const std::optional<int64_t> size = blobs.size(digest);
     if (!size) rpc::fail_not_found("there is no blob " + digest);
     int64_t offset = request->offset_bytes();
-    if (offset < 0 || offset > *size)
-      throw rpc::RpcError(grpc::StatusCode::OUT_OF_RANGE, "the blob has " + std::to_string(*size) + " bytes");
+    if (offset < 0 || offset > *size) throw rpc::RpcError(rpc::Code::kOutOfRange, "the blob has " + std::to_string(*size) + " bytes");
     const int fd = ::open(blobs.path(digest).c_str(), O_RDONLY | O_CLOEXEC);
     if (fd < 0) rpc::fail_not_found("there is no blob " + digest);
     v1::DownloadResponse response;
@@ -164,7 +163,7 @@ grpc::Status BlobsService::Download(grpc::ServerContext* context, const v1::Down
       response.clear_total_bytes();
     } while (open && offset < *size);
     ::close(fd);
-    if (failed) throw rpc::RpcError(grpc::StatusCode::DATA_LOSS, "blob " + digest + " cannot be read");
+    if (failed) throw rpc::RpcError(rpc::Code::kDataLoss, "blob " + digest + " cannot be read");
   });
 }
 

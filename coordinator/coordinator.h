@@ -14,13 +14,12 @@
 #include <thread>
 #include <vector>
 
-#include <grpcpp/support/status.h>
-
 #include "coordinator/assembler.h"
 #include "coordinator/blob_store.h"
 #include "coordinator/failpoint.h"
 #include "coordinator/scheduler.h"
 #include "coordinator/store.h"
+#include "rpc/error.h"
 #include "woodcock/v1/jobs_service.pb.h"
 #include "woodcock/v1/workers_service.pb.h"
 
@@ -72,7 +71,7 @@ class Coordinator {
   v1::WatchJobResponse watch(const std::string& id, int64_t after_event, bool& finished);
 
   // What WorkersService offers. `done` is called exactly once, from any thread, unless cancel_sync returns true.
-  using SyncDone = std::function<void(const grpc::Status&, const v1::SyncResponse&)>;
+  using SyncDone = std::function<void(const rpc::Outcome&, const v1::SyncResponse&)>;
   uint64_t sync(const v1::SyncRequest& request, SyncDone done);
   bool cancel_sync(uint64_t token);
   /// Answers all held calls with UNAVAILABLE and refuses new ones.

@@ -8,8 +8,8 @@
 #include "coordinator/coordinator.h"
 #include "coordinator/coordinator_locked.h"
 #include "coordinator/job_view.h"
+#include "rpc/error.h"
 #include "rpc/limits.h"
-#include "rpc/status.h"
 
 namespace woodcock::coordinator {
 namespace {
@@ -192,10 +192,10 @@ v1::GetFrameResponse Coordinator::frame(const std::string& id, uint64_t number, 
   }
   if (const std::vector<TaskRef> damaged = damaged_tiles(tasks, request.tile_paths); !damaged.empty()) {
     reopen(damaged, "the result was damaged at rest", false);
-    throw rpc::RpcError(grpc::StatusCode::UNAVAILABLE, "some tiles were damaged and are rendered again; ask again");
+    throw rpc::RpcError(rpc::Code::kUnavailable, "some tiles were damaged and are rendered again; ask again");
   }
   const AssembleResult result = options_.assemble_tiles(request);
-  if (!result.ok) throw rpc::RpcError(grpc::StatusCode::INTERNAL, "the partial image could not be merged: " + result.error);
+  if (!result.ok) throw rpc::RpcError(rpc::Code::kInternal, "the partial image could not be merged: " + result.error);
   const std::string digest = blobs_.adopt(request.output_path, options_.now());
   response.set_partial(true);
   response.set_image_digest(digest);

@@ -7,8 +7,8 @@
 #include "coordinator/job_view.h"
 #include "coordinator/submit.h"
 #include "coordinator/task_grid.h"
+#include "rpc/error.h"
 #include "rpc/limits.h"
-#include "rpc/status.h"
 
 namespace woodcock::coordinator {
 
@@ -30,8 +30,7 @@ v1::SubmitJobResponse Coordinator::submit(const v1::SubmitJobRequest& request) {
   const bool repeated = locked([&] {
     if (const Job* job = scheduler_->find(spec.id)) {
       if (job->spec.request_digest != spec.request_digest)
-        throw rpc::RpcError(grpc::StatusCode::ALREADY_EXISTS,
-                            "request id " + spec.request_id + " was used for another submit; make a new one");
+        throw rpc::RpcError(rpc::Code::kAlreadyExists, "request id " + spec.request_id + " was used for another submit; make a new one");
       return true;
     }
     scheduler_->add_job(spec);

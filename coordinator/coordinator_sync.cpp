@@ -5,8 +5,8 @@
 #include "coordinator/coordinator_locked.h"
 #include "coordinator/sync_wire.h"
 #include "rpc/convert.h"
+#include "rpc/error.h"
 #include "rpc/limits.h"
-#include "rpc/status.h"
 
 namespace woodcock::coordinator {
 
@@ -17,9 +17,9 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
     report = report_from_wire(request);
     held.offers = offers_from_wire(request);
     if (store_->backlog() > options_.max_backlog)
-      throw rpc::RpcError(grpc::StatusCode::UNAVAILABLE, "the coordinator's database is behind; go on rendering and try again");
+      throw rpc::RpcError(rpc::Code::kUnavailable, "the coordinator's database is behind; go on rendering and try again");
   } catch (...) {
-    done(rpc::status_of_current_exception(), {});
+    done(rpc::outcome_of_current_exception(), {});
     return 0;
   }
   held.verdicts.assign(held.offers.size(), {OfferStatus::Pending, ""});
@@ -30,15 +30,15 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
   const Time hold = request.sequence() == 1 ? 0 : request.leases().empty() ? options_.sync_hold : options_.busy_sync_hold;
   held.deadline = now + hold;
   SyncDone superseded, refused;
-  grpc::Status refusal;
+  rpc::Outcome refusal;
   const uint64_t token = locked([&]() -> uint64_t {
     const ReportStatus status = stopping_ ? ReportStatus::Accepted : scheduler_->report(report, now);
     if (stopping_) {
-      refusal = {grpc::StatusCode::UNAVAILABLE, "the coordinator is stopping; go on rendering and try again"};
+      refusal = {rpc::Code::kUnavailable, "the coordinator is stopping; go on rendering and try again"};
     } else if (status == ReportStatus::OlderIncarnation) {
-      refusal = {grpc::StatusCode::ABORTED, "a newer incarnation of worker " + report.worker_id + " is connected; stop this one"};
+      refusal = {rpc::Code::kAborted, "a newer incarnation of worker " + report.worker_id + " is connected; stop this one"};
     } else if (status == ReportStatus::OlderSequence) {
-      refusal = {grpc::StatusCode::ABORTED, "a later call of this incarnation was seen"};
+      refusal = {rpc::Code::kAborted, "a later call of this incarnation was seen"};
     }
     if (!refusal.ok()) {
       refused = std::move(held.done);
@@ -54,7 +54,7 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
     held_.emplace(report.worker_id, std::move(held));
     return result;
   });
-  if (superseded) superseded({grpc::StatusCode::ABORTED, "a later call of this worker replaces this one"}, {});
+  if (superseded) superseded({rpc::Code::kAborted, "a later call of this worker replaces this one"}, {});
   if (refused) refused(refusal, {});
   return token;
 }
@@ -74,8 +74,7 @@ void Coordinator::stop_syncs() {
     stopping_ = true;
     held.swap(held_);
   }
-  for (auto& [id, call] : held)
-    call.done({grpc::StatusCode::UNAVAILABLE, "the coordinator is stopping; go on rendering and try again"}, {});
+  for (auto& [id, call] : held) call.done({rpc::Code::kUnavailable, "the coordinator is stopping; go on rendering and try again"}, {});
 }
 
 void Coordinator::decide_offers(const std::string& worker_id, HeldSync& held) {
@@ -122,7 +121,7 @@ bool Coordinator::try_answer(const std::string& worker_id, HeldSync& held, Compl
     *response.add_verdicts() = verdict_to_wire(held.offers[i], held.verdicts[i].first, held.verdicts[i].second);
   response.set_next_sync_ms(undecided ? 1000 : 0);
   response.set_notice(answer.notice);
-  completions.push_back([done = std::move(held.done), response = std::move(response)] { done(grpc::Status::OK, response); });
+  completions.push_back([done = std::move(held.done), response = std::move(response)] { done(rpc::Outcome{}, response); });
   return true;
 }
 

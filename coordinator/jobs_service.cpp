@@ -74,7 +74,7 @@ grpc::Status JobsService::WatchJob(grpc::ServerContext* context, const v1::Watch
     std::string last;
     for (bool finished = false; !finished;) {
       if (context->IsCancelled()) return;
-      if (stopping_) throw rpc::RpcError(grpc::StatusCode::UNAVAILABLE, "the coordinator is stopping; watch again from the last event");
+      if (stopping_) throw rpc::RpcError(rpc::Code::kUnavailable, "the coordinator is stopping; watch again from the last event");
       const v1::WatchJobResponse response = coordinator_.watch(request->job_id(), cursor, finished);
       if (!response.events().empty()) cursor = response.events().rbegin()->number();
       std::string progress = response.job().progress().SerializeAsString() + response.job().state_reason();

@@ -7,8 +7,8 @@
 
 #include "coordinator/scheduler.h"
 #include "rpc/convert.h"
+#include "rpc/error.h"
 #include "rpc/limits.h"
-#include "rpc/status.h"
 
 namespace woodcock::coordinator {
 namespace {

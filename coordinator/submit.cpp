@@ -7,9 +7,9 @@
 
 #include "coordinator/task_grid.h"
 #include "rpc/convert.h"
+#include "rpc/error.h"
 #include "rpc/limits.h"
 #include "rpc/manifest.h"
-#include "rpc/status.h"
 
 namespace woodcock::coordinator {
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "rpc/convert.h"
+#include "rpc/error.h"
 #include "rpc/limits.h"
-#include "rpc/status.h"
 
 namespace woodcock::coordinator {
 namespace {

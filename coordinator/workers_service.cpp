@@ -1,4 +1,5 @@
 #include "coordinator/services.h"
+#include "rpc/status.h"
 
 namespace woodcock::coordinator {
 namespace {
@@ -8,9 +9,9 @@ class SyncCall final : public grpc::ServerUnaryReactor {
  public:
   SyncCall(Coordinator& coordinator, const v1::SyncRequest& request, v1::SyncResponse* response) : coordinator_(coordinator) {
     // The answer may come before sync() returns: then the token is set for nobody.
-    const uint64_t token = coordinator_.sync(request, [this, response](const grpc::Status& status, const v1::SyncResponse& answer) {
+    const uint64_t token = coordinator_.sync(request, [this, response](const rpc::Outcome& outcome, const v1::SyncResponse& answer) {
       *response = answer;
-      Finish(status);
+      Finish(rpc::to_grpc(outcome));
     });
     token_ = token;
   }

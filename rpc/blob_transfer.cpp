@@ -65,7 +65,7 @@ class File {
 };
 
 void check_stop(const TransferControl& control) {
-  if (control.stop && control.stop()) throw RpcError(grpc::StatusCode::CANCELLED, "the transfer was stopped");
+  if (control.stop && control.stop()) throw RpcError(Code::kCancelled, "the transfer was stopped");
 }
 
 /// Waits 0.2 s · 2^attempt, jittered, in small steps so that a stop is seen.
@@ -92,8 +92,7 @@ void repeat(const TransferControl& control, const Attempt& attempt) {
     int64_t reached = 0;
     grpc::Status status;
     if (attempt(reached, status)) return;
-    if (!is_retryable(status.error_code()) && status.error_code() != grpc::StatusCode::OUT_OF_RANGE)
-      throw_if_failed(status, "blob transfer");
+    if (!is_retryable(status) && status.error_code() != grpc::StatusCode::OUT_OF_RANGE) throw_if_failed(status, "blob transfer");
     if (reached > best) {
       best = reached;
       failures = 0;
@@ -138,7 +137,7 @@ void upload(v1::BlobsService::StubInterface& blobs, const std::string& digest, i
       if (chunk.empty()) {
         context.TryCancel();
         writer->Finish();
-        throw RpcError(grpc::StatusCode::DATA_LOSS, "the file of blob " + digest + " became shorter while it was uploaded");
+        throw RpcError(Code::kDataLoss, "the file of blob " + digest + " became shorter while it was uploaded");
       }
       offset += static_cast<int64_t>(chunk.size());
       open = writer->Write(request);

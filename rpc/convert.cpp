@@ -5,8 +5,8 @@
 #include <stdexcept>
 
 #include "renderer/film/exr.h"
+#include "rpc/error.h"
 #include "rpc/limits.h"
-#include "rpc/status.h"
 
 namespace woodcock::rpc {
 namespace {

@@ -5,8 +5,8 @@
 
 #include "renderer/core/sha256.h"
 #include "rpc/convert.h"
+#include "rpc/error.h"
 #include "rpc/limits.h"
-#include "rpc/status.h"
 
 namespace woodcock::rpc {
 

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "rpc/convert.h"
+#include "rpc/error.h"
 #include "rpc/manifest.h"
-#include "rpc/status.h"
 
 namespace woodcock {
 namespace {
@@ -47,7 +47,7 @@ fs::path SceneStore::prepare(const std::string& manifest_digest, const BlobSourc
       const fs::path blob = blobs_ / file.content_digest();
       if (!fs::exists(blob)) source.file(file.content_digest(), blob);
       if (fs::file_size(blob) != static_cast<uint64_t>(file.bytes()))
-        throw rpc::RpcError(grpc::StatusCode::INVALID_ARGUMENT, "the manifest's size of " + file.path() + " is not that of its content");
+        throw rpc::RpcError(rpc::Code::kInvalidArgument, "the manifest's size of " + file.path() + " is not that of its content");
       touch(blob);
     }
     fs::remove_all(scenes_ / kAside);

@@ -237,7 +237,7 @@ milliseconds Supervisor::take_answer(const Call& call) {
     default:
       if (connected_ || failures_in_a_row_ == 0)
         spdlog::warn("no answer from the coordinator at {}: {} ({}); work goes on, trying again", addresses_[address_ % addresses_.size()],
-                     call.status.error_message(), rpc::code_name(call.status.error_code()));
+                     call.status.error_message(), rpc::code_name(rpc::from_grpc(call.status.error_code())));
       connected_ = false;
       ++address_;
       return back_off();
@@ -302,7 +302,7 @@ bool Supervisor::fetch(const v1::LeaseGrant& grant) {
       store_.trim(in_use);
       return true;
     } catch (const rpc::RpcError& error) {
-      if (error.code() == grpc::StatusCode::CANCELLED) continue;  // the loop's condition says why
+      if (error.code() == rpc::Code::kCancelled) continue;  // the loop's condition says why
       if (!rpc::is_retryable(error.code())) return fail(error.what());
       spdlog::warn("cannot fetch a scene: {}; trying again", error.what());
     } catch (const std::system_error& error) {

@@ -64,7 +64,7 @@ class FrameRenderer {
 /// The digest of a fixed small computation (libm and intersection kernels) on this machine: machines with
 /// equal digests give equal bits.
 std::string arithmetic_class();
-/// Names the sources, flags and library versions this program was built from.
+/// Names the code that renders, by its digest, and the libraries: equal names give equal bits on machines of one arithmetic class.
 std::string render_build();
 
 }  // namespace woodcock

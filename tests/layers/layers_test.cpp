@@ -1,4 +1,4 @@
-// The layer order of the house: a folder includes only folders above it in the list.
+// The layer order of the house: a folder includes only folders above it in the list, and sees the libraries of its own room.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -38,8 +38,30 @@ const std::map<std::string, std::set<std::string>> kOnly{
     {"renderer/film", {"renderer/core", "renderer/film"}},
     {"renderer/accuracy", {"renderer/core", "renderer/film", "renderer/accuracy"}},
     {"coordinator", {"renderer/core", "renderer/film", "renderer/accuracy", "rpc", "coordinator"}},
+    {"rpc", {"renderer/core", "renderer/film", "rpc"}},
     {"worker", {"renderer/core", "renderer/scene", "renderer/film", "renderer/accuracy", "renderer/frame", "rpc", "worker"}},
+    {"client",
+     {"renderer/core", "renderer/scene", "renderer/world", "renderer/transport", "renderer/film", "renderer/accuracy", "renderer/frame",
+      "rpc", "client"}},
 };
+
+/// Outside rpc, the files that speak gRPC: the coordinator's services and its server, and the two callers.
+const std::set<std::string> kSpeakGrpc{"coordinator/blobs_service.cpp",
+                                       "coordinator/jobs_service.cpp",
+                                       "coordinator/workers_service.cpp",
+                                       "coordinator/services.h",
+                                       "coordinator/server.cpp",
+                                       "coordinator/server.h",
+                                       "worker/supervisor.cpp",
+                                       "worker/supervisor.h",
+                                       "client/service.cpp",
+                                       "client/service.h",
+                                       "client/watch_job.cpp"};
+/// Those that include one of the above, to start it or to call it.
+bool may_reach_grpc(const std::string& file) {
+  return file.starts_with("rpc/") || file.starts_with("client/") || kSpeakGrpc.count(file) > 0 || file == "coordinator/main.cpp" ||
+         file == "worker/main.cpp" || file == "worker/supervisor_slots.cpp";
+}
 
 struct Include {
   std::string file, layer, target;
@@ -55,7 +77,7 @@ std::string layer_of(const std::string& path) {
 /// Every quoted or bracketed include of the sources of the layers.
 template <typename Visit>
 void for_each_include(Visit&& visit) {
-  const std::regex pattern(R"re(^\s*#\s*include\s*[<"]([^>"]+)[>"])re");
+  static const std::regex pattern(R"re(^\s*#\s*include\s*[<"]([^>"]+)[>"])re");
   for (const auto& layer : kLayers) {
     const fs::path folder = fs::path(WOODCOCK_SOURCE_DIR) / layer;
     if (!fs::is_directory(folder)) continue;
@@ -82,20 +104,24 @@ bool allowed(const std::string& from, const std::string& to) {
 }
 
 TEST(Layers, NoFolderIncludesAFolderBelowIt) {
-  int seen = 0;
+  std::map<std::string, int> seen;
   for_each_include([&](const Include& i) {
     const std::string target = layer_of(i.target);
-    if (target.empty() || (i.layer == "coordinator" && i.target == kCarriedData)) return;
-    ++seen;
+    if (target.empty() || ((i.layer == "rpc" || i.layer == "coordinator") && i.target == kCarriedData)) return;
+    ++seen[i.layer];
     EXPECT_TRUE(allowed(i.layer, target)) << i.file << " includes " << i.target;
   });
-  EXPECT_GT(seen, 50) << "the search found too little to mean anything";
+  for (const std::string& layer : kLayers) EXPECT_GT(seen[layer], 0) << layer << " includes nothing: the search cannot have read it";
 }
 
 TEST(Layers, AnUpwardIncludeWouldBeSeen) {
   EXPECT_FALSE(allowed("renderer/core", "renderer/scene"));
   EXPECT_FALSE(allowed("renderer/film", "renderer/geometry"));
   EXPECT_FALSE(allowed("coordinator", "renderer/world"));
+  EXPECT_FALSE(allowed("rpc", "renderer/frame"));
+  EXPECT_FALSE(allowed("client", "coordinator"));
+  EXPECT_FALSE(allowed("client", "worker"));
+  EXPECT_FALSE(allowed("worker", "coordinator"));
   EXPECT_TRUE(allowed("renderer/world", "renderer/core"));
 }
 
@@ -104,15 +130,50 @@ TEST(Layers, EachLibraryIsSeenInItsOwnRoomOnly) {
       {"embree3/", {"renderer/geometry"}},
       {"openvdb/", {"renderer/scene"}},
       {"soci/", {"coordinator"}},
-      {"grpcpp/", {"rpc", "coordinator", "worker", "client"}},
   };
+  std::map<std::string, int> seen;
   for_each_include([&](const Include& i) {
     for (const auto& [library, layers] : rooms) {
-      if (i.target.rfind(library, 0) == 0) {
-        EXPECT_TRUE(layers.count(i.layer) > 0) << i.file << " includes " << i.target;
-      }
+      if (i.target.rfind(library, 0) != 0) continue;
+      ++seen[library];
+      EXPECT_TRUE(layers.count(i.layer) > 0) << i.file << " includes " << i.target;
     }
   });
+  for (const auto& [library, layers] : rooms) EXPECT_GT(seen[library], 0) << library << " is included nowhere";
+}
+
+bool is_grpc(const std::string& target) { return target.starts_with("grpc") || target.ends_with(".grpc.pb.h"); }
+
+TEST(Layers, GrpcIsNamedInRpcTheServicesAndTheirCallersOnly) {
+  std::set<std::string> speak;
+  for_each_include([&](const Include& i) {
+    if (is_grpc(i.target)) speak.insert(i.file);
+  });
+  for (const auto& layer : kLayers) {
+    for (const auto& entry : fs::recursive_directory_iterator(fs::path(WOODCOCK_SOURCE_DIR) / layer)) {
+      std::ifstream in(entry.path());
+      const std::string text{std::istreambuf_iterator<char>(in), {}};
+      if (text.find("grpc::") != std::string::npos) speak.insert(fs::relative(entry.path(), WOODCOCK_SOURCE_DIR).string());
+    }
+  }
+  std::erase_if(speak, [](const std::string& file) { return file.starts_with("rpc/"); });
+  EXPECT_EQ(speak, kSpeakGrpc);
+}
+
+// By way of headers as well: the scheduler and all that decides is built without gRPC.
+TEST(Layers, NothingElseReachesGrpcByWayOfHeaders) {
+  std::map<std::string, std::set<std::string>> includes;
+  for_each_include([&](const Include& i) { includes[i.file].insert(i.target); });
+  std::set<std::string> reach;
+  for (bool grown = true; grown;) {
+    grown = false;
+    for (const auto& [file, targets] : includes) {
+      const auto reaches = [&](const std::string& target) { return is_grpc(target) || reach.count(target) > 0; };
+      if (reach.count(file) == 0 && std::any_of(targets.begin(), targets.end(), reaches)) grown = reach.insert(file).second;
+    }
+  }
+  for (const std::string& file : kSpeakGrpc) EXPECT_TRUE(reach.count(file) > 0) << file << " does not reach gRPC";
+  for (const std::string& file : reach) EXPECT_TRUE(may_reach_grpc(file)) << file << " reaches gRPC";
 }
 
 TEST(Layers, IncludesAreRootedAtTheRepository) {

@@ -64,7 +64,7 @@ TEST(Coordinator, ASubmitIsIdempotentByItsRequestId) {
     world.coordinator->submit(request);
     FAIL();
   } catch (const rpc::RpcError& error) {
-    EXPECT_EQ(error.code(), grpc::StatusCode::ALREADY_EXISTS);
+    EXPECT_EQ(error.code(), rpc::Code::kAlreadyExists);
   }
 }
 
@@ -122,7 +122,7 @@ TEST(Coordinator, AnAdaptiveJobGoesOnAcrossRestartsUntilItsTargetAndIsExtended) 
     try {
       world.coordinator->extend(id, samples, error);
     } catch (const rpc::RpcError& e) {
-      return e.code() == grpc::StatusCode::INVALID_ARGUMENT;
+      return e.code() == rpc::Code::kInvalidArgument;
     }
     return false;
   };
@@ -316,26 +316,26 @@ TEST(Coordinator, F22MalformedSubmitsAreRefusedByField) {
     spoil(request);
     try {
       world.coordinator->submit(request);
-      return grpc::StatusCode::OK;
+      return rpc::Code::kOk;
     } catch (const rpc::RpcError& error) {
       return error.code();
     }
   };
-  EXPECT_EQ(code([](auto& r) { r.set_request_id("../x"); }), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(code([](auto& r) { r.mutable_settings()->clear_samples(); }), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(code([](auto& r) { r.mutable_settings()->set_tile_size(7); }), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(code([](auto& r) { r.mutable_target()->set_max_samples(64); }), grpc::StatusCode::INVALID_ARGUMENT);  // no error, no time
+  EXPECT_EQ(code([](auto& r) { r.set_request_id("../x"); }), rpc::Code::kInvalidArgument);
+  EXPECT_EQ(code([](auto& r) { r.mutable_settings()->clear_samples(); }), rpc::Code::kInvalidArgument);
+  EXPECT_EQ(code([](auto& r) { r.mutable_settings()->set_tile_size(7); }), rpc::Code::kInvalidArgument);
+  EXPECT_EQ(code([](auto& r) { r.mutable_target()->set_max_samples(64); }), rpc::Code::kInvalidArgument);  // no error, no time
   EXPECT_EQ(code([](auto& r) {
               r.mutable_target()->set_max_samples(64);
               r.mutable_target()->set_max_seconds(std::numeric_limits<double>::infinity());
             }),
-            grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(code([](auto& r) { r.clear_frames(); }), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(code([](auto& r) { *r.add_frames() = r.frames(0); }), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(code([](auto& r) { r.mutable_frames(0)->set_scene_file("other.pbrt"); }), grpc::StatusCode::INVALID_ARGUMENT);
+            rpc::Code::kInvalidArgument);
+  EXPECT_EQ(code([](auto& r) { r.clear_frames(); }), rpc::Code::kInvalidArgument);
+  EXPECT_EQ(code([](auto& r) { *r.add_frames() = r.frames(0); }), rpc::Code::kInvalidArgument);
+  EXPECT_EQ(code([](auto& r) { r.mutable_frames(0)->set_scene_file("other.pbrt"); }), rpc::Code::kInvalidArgument);
   EXPECT_EQ(code([](auto& r) { r.mutable_frames(0)->mutable_header()->mutable_resolution()->set_width(1 << 30); }),
-            grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(code([](auto& r) { r.mutable_frames(0)->set_manifest_digest(std::string(64, '0')); }), grpc::StatusCode::FAILED_PRECONDITION);
+            rpc::Code::kInvalidArgument);
+  EXPECT_EQ(code([](auto& r) { r.mutable_frames(0)->set_manifest_digest(std::string(64, '0')); }), rpc::Code::kFailedPrecondition);
   EXPECT_EQ(world.coordinator->list(0, "").jobs_size(), 0);
 }
 

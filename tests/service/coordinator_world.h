@@ -17,8 +17,8 @@
 #include "renderer/film/dyadic.h"
 #include "renderer/film/exr.h"
 #include "rpc/convert.h"
+#include "rpc/error.h"
 #include "rpc/manifest.h"
-#include "rpc/status.h"
 
 namespace woodcock::coordinator {
 
@@ -119,11 +119,11 @@ class CoordinatorWorld {
   }
 
   /// Waits for the answer; the told clock runs on, so that a held call comes back.
-  std::pair<grpc::Status, v1::SyncResponse> sync(const v1::SyncRequest& request) {
-    std::promise<std::pair<grpc::Status, v1::SyncResponse>> promise;
+  std::pair<rpc::Outcome, v1::SyncResponse> sync(const v1::SyncRequest& request) {
+    std::promise<std::pair<rpc::Outcome, v1::SyncResponse>> promise;
     auto future = promise.get_future();
-    coordinator->sync(request, [&](const grpc::Status& status, const v1::SyncResponse& response) {
-      promise.set_value({status, response});
+    coordinator->sync(request, [&](const rpc::Outcome& outcome, const v1::SyncResponse& response) {
+      promise.set_value({outcome, response});
     });
     while (future.wait_for(std::chrono::milliseconds(50)) != std::future_status::ready) now += kSecond;
     return future.get();
@@ -160,8 +160,8 @@ class CoordinatorWorld {
           lease->set_phase(v1::LEASE_PHASE_RENDERING);
         }
       }
-      const auto [status, response] = sync(request);
-      EXPECT_TRUE(status.ok()) << status.error_message();
+      const auto [outcome, response] = sync(request);
+      EXPECT_TRUE(outcome.ok()) << outcome.message;
       for (const v1::OfferVerdict& verdict : response.verdicts()) {
         EXPECT_EQ(verdict.verdict(), v1::VERDICT_COMMITTED) << verdict.reason();
         held.erase(verdict.lease_id());

@@ -181,7 +181,7 @@ TEST(KeptQuotes, F22HostileOnesAreRefusedByField) {
       world.coordinator->submit(request);
       return "accepted";
     } catch (const rpc::RpcError& error) {
-      EXPECT_EQ(error.code(), grpc::StatusCode::INVALID_ARGUMENT);
+      EXPECT_EQ(error.code(), rpc::Code::kInvalidArgument);
       return error.what();
     }
   };

@@ -91,17 +91,17 @@ TEST(WorkerList, F22AWorkerCannotSteerTheTerminalOfWhoeverLooks) {
   const auto code = [&](const std::function<void(v1::SyncRequest&)>& spoil) {
     v1::SyncRequest request = world.sync_request("w1");
     spoil(request);
-    return world.sync(request).first.error_code();
+    return world.sync(request).first.code;
   };
-  EXPECT_EQ(code([](auto& r) { r.set_host_name("host\x1b[2J"); }), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(code([](auto& r) { r.set_build("b\n"); }), grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(code([](auto& r) { r.set_arithmetic_class("\x7f"); }), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(code([](auto& r) { r.set_host_name("host\x1b[2J"); }), rpc::Code::kInvalidArgument);
+  EXPECT_EQ(code([](auto& r) { r.set_build("b\n"); }), rpc::Code::kInvalidArgument);
+  EXPECT_EQ(code([](auto& r) { r.set_arithmetic_class("\x7f"); }), rpc::Code::kInvalidArgument);
   EXPECT_TRUE(world.coordinator->list_workers(0, "").workers().empty());
   EXPECT_EQ(code([](auto& r) {
               r.set_sequence(1);
               r.set_threads(0);
             }),
-            grpc::StatusCode::OK);
+            rpc::Code::kOk);
   EXPECT_EQ(world.coordinator->list_workers(0, "").workers(0).threads(), 1u);
 }
 

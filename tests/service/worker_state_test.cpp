@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "rpc/error.h"
 #include "rpc/manifest.h"
-#include "rpc/status.h"
 #include "worker/lease_book.h"
 #include "worker/scene_store.h"
 #include "worker/spool.h"

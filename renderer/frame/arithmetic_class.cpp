@@ -1,14 +1,10 @@
-// What makes bits differ between programs and machines: the render build and the arithmetic class.
-#include <OpenImageIO/imageio.h>
-#include <gnu/libc-version.h>
-
+// What makes bits differ between machines that run the same program: the arithmetic class.
 #include <cmath>
 #include <cstring>
 
 #include "renderer/core/random.h"
 #include "renderer/core/sha256.h"
 #include "renderer/frame/frame_renderer.h"
-#include "renderer/frame/sources_digest.h"
 #include "renderer/geometry/geometry.h"
 
 namespace woodcock {
@@ -88,18 +84,6 @@ std::string arithmetic_class() {
     return sha.hex();
   }();
   return digest;
-}
-
-std::string render_build() {
-  static const std::string build = [] {
-    std::string text = std::string("sources ") + std::string(kSourcesDigest).substr(0, 16);
-    text += ", gcc " __VERSION__;
-    text += std::string(", glibc ") + gnu_get_libc_version();
-    text += ", embree " + Geometry::library_version();
-    text += ", openimageio " + std::to_string(OIIO::openimageio_version());
-    return text;
-  }();
-  return build;
 }
 
 }  // namespace woodcock
