@@ -108,8 +108,8 @@ Crossings crossings_along(const World& world, Ray ray) {
     if (!hit) break;
     const SurfacePoint s = world.geometry.surface(*hit, ray);
     if (!may_coincide(world, ray, *hit, s.p)) {
-      if (!cross(*hit, glm::dot(ray.d, s.ng) < 0)) break;
-      ray.o = offset_origin(s, ray.d);
+      if (!cross(*hit, glm::dot(ray.d, DVec3(s.ng)) < 0)) break;
+      ray = ray_from(s, ray.d, ray.time);
       continue;
     }
     Junction junction(world, ray, *hit);
@@ -119,7 +119,7 @@ Crossings crossings_along(const World& world, Ray ray) {
       if (!crossings.empty()) medium = crossings.back().far;
       junction.leave(member, ray.d);
     }
-    ray.o = junction.origin(s.p, ray.d);
+    ray = junction.ray_from(s.p, ray.d, ray.time);
   }
   return result;
 }
