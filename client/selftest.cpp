@@ -68,6 +68,12 @@ nlohmann::json summary_json(const SelftestOptions& options, const selftest::Tall
           {"pairs_of_features", tally.coverage.pairs_covered()}};
 }
 
+nlohmann::json coverage_json(const selftest::Coverage& coverage) {
+  nlohmann::json pairs = nlohmann::json::array();
+  for (const auto& [names, count] : coverage.pairs()) pairs.push_back({names.first, names.second, count});
+  return {{"features", coverage.features()}, {"pairs", pairs}};
+}
+
 int run(const SelftestOptions& options) {
   const auto start = Clock::now();
   const std::atomic<bool>& interrupted = interrupt_flag();
@@ -101,6 +107,7 @@ int run(const SelftestOptions& options) {
   if (options.json) {
     nlohmann::json j = summary_json(options, tally, seconds_since(start));
     j["failures"] = failures;
+    if (options.coverage) j["coverage"] = coverage_json(tally.coverage);
     fmt::print("{}\n", j.dump(2));
   } else {
     if (options.coverage) fmt::print("{}\n", tally.coverage.table());
@@ -126,7 +133,7 @@ void add_selftest_command(CLI::App& app, int& code) {
   command->add_option("--case", options->only, "One scene by its number, as a failure names it");
   command->add_flag("--furnaces", options->furnaces, "Only scenes in equilibrium, whose radiance is known");
   command->add_flag("--relations", options->relations, "Only scenes that are compared with themselves, changed or rendered otherwise");
-  command->add_flag("--coverage", options->coverage, "Print how often each feature was covered, and with how many others");
+  command->add_flag("--coverage", options->coverage, "Print how often each feature, and each pair of them, was covered");
   command->add_option("-o", options->folder, "Folder for the scenes of failures")->check(CLI::ExistingDirectory)->capture_default_str();
   command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
   command->footer(

@@ -37,7 +37,7 @@ void examine_furnace(const Case& c, uint64_t seed, const Effort& effort, Finding
   const double expected = furnace_value(c.scene);
   std::vector<DVec3> differences;
   for (const Rgb v : samples.values) differences.push_back(DVec3(v) / expected - DVec3(1));
-  finding.comparisons = compare_with_zero(differences, kRounding);
+  finding.comparisons = compare_with_zero(differences, kRounding, rare_size(differences));
   take(samples, finding);
 }
 
@@ -78,7 +78,7 @@ void examine_relation(const Case& c, uint64_t seed, const Effort& effort, Findin
   }
   if (mean > 0)
     for (DVec3& d : differences) d /= mean;
-  finding.comparisons = compare_with_zero(differences, tolerance(c.relation));
+  finding.comparisons = compare_with_zero(differences, tolerance(c.relation), follows_same_paths(c.relation) ? 0 : rare_size(differences));
 }
 
 /// Has no noise: one light sample that is seen otherwise fails the case.

@@ -18,6 +18,8 @@ std::string decade(double value) {
   return value > 0 ? fmt::format("1e{:+d}", static_cast<int>(std::floor(std::log10(value * 1.0000001)))) : "0";
 }
 
+std::string group_of(const std::string& feature) { return feature.substr(0, feature.find('/')); }
+
 void add_medium(const MediumPart& medium, bool inside_sum, Names& names) {
   names.insert(fmt::format("medium/{}{}", name_of(medium.form), inside_sum ? " in a sum" : ""));
   if (medium.form == MediumForm::kSum) {
@@ -128,7 +130,18 @@ std::string Coverage::table() const {
     for (const auto& other : features_) partners += other.first != name && pair(name, other.first) > 0 ? 1 : 0;
     text += fmt::format("{:<48} {:>8}  {:>10} of {}\n", name, count, partners, features_.size() - 1);
   }
-  return text + fmt::format("{} features, {} of {} pairs\n", features_.size(), pairs_covered(), pairs_possible());
+  text += fmt::format("\n{:<40} {:>16}  {:>12}\n", "groups", "pairs covered", "median count");
+  std::map<std::pair<std::string, std::string>, std::vector<int64_t>> groups;
+  for (auto a = features_.begin(); a != features_.end(); ++a)
+    for (auto b = std::next(a); b != features_.end(); ++b)
+      groups[std::minmax(group_of(a->first), group_of(b->first))].push_back(pair(a->first, b->first));
+  for (auto& [names, counts] : groups) {
+    std::sort(counts.begin(), counts.end());
+    const auto covered = std::count_if(counts.begin(), counts.end(), [](int64_t n) { return n > 0; });
+    text += fmt::format("{:<40} {:>7} of {:<6}  {:>12}\n", names.first + " and " + names.second, covered, counts.size(),
+                        counts[counts.size() / 2]);
+  }
+  return text + fmt::format("\n{} features, {} of {} pairs\n", features_.size(), pairs_covered(), pairs_possible());
 }
 
 }  // namespace woodcock::selftest

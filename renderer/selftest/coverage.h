@@ -21,7 +21,10 @@ class Coverage {
   int64_t pairs_covered() const { return static_cast<int64_t>(pairs_.size()); }
   int64_t pairs_possible() const;
 
-  /// A table: features by their group with counts, and for each the features it was never together with.
+  const std::map<std::pair<std::string, std::string>, int64_t>& pairs() const { return pairs_; }
+
+  /// Features with their counts and how many others each was together with; then, for each two groups (what stands before the slash),
+  /// how many of the pairs between them were covered, and how often the median pair was.
   std::string table() const;
 
  private:

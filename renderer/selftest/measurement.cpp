@@ -24,7 +24,7 @@ double normal_deviate(double p) {
   return low;
 }
 
-Comparison compare(const std::vector<double>& pixels, double tolerance) {
+Comparison compare(const std::vector<double>& pixels, double passes, double tolerance, double rare) {
   Comparison c;
   const double n = static_cast<double>(pixels.size());
   for (const double v : pixels) c.mean += v / n;
@@ -37,6 +37,7 @@ Comparison compare(const std::vector<double>& pixels, double tolerance) {
     c.p = 0;
   } else if (beyond > 0) {
     c.p = c.error > 0 ? 2 * student_cdf(-beyond / c.error, c.degrees) : 0;
+    if (rare > 0) c.p = std::max(c.p, std::exp(-n * passes * beyond / rare));
   }
   c.z = std::copysign(normal_deviate(c.p), c.mean);
   return c;
@@ -94,7 +95,14 @@ Samples render_samples(const std::string& text, const Rendering& rendering, uint
   return samples;
 }
 
-std::vector<Comparison> compare_with_zero(const std::vector<DVec3>& differences, double tolerance) {
+double rare_size(const std::vector<DVec3>& differences) {
+  // Weights of up to three come from mixtures of the channels.
+  double largest = 4;
+  for (const DVec3 d : differences) largest = std::max({largest, std::abs(d.x), std::abs(d.y), std::abs(d.z)});
+  return largest;
+}
+
+std::vector<Comparison> compare_with_zero(const std::vector<DVec3>& differences, double tolerance, double rare) {
   constexpr size_t kPixels = kEdge * kEdge;
   std::vector<DVec3> pixels(kPixels, DVec3(0));
   const double passes = static_cast<double>(differences.size() / kPixels);
@@ -107,7 +115,7 @@ std::vector<Comparison> compare_with_zero(const std::vector<DVec3>& differences,
         const int quarter = static_cast<int>(i % kEdge) / (kEdge / 2) + 2 * (static_cast<int>(i) / kEdge / (kEdge / 2));
         if (region == 4 || region == quarter) values.push_back(pixels[i][channel]);
       }
-      Comparison c = compare(values, tolerance);
+      Comparison c = compare(values, passes, tolerance, rare);
       c.what = fmt::format("{}, channel {}", region == 4 ? "whole picture" : fmt::format("quarter {}", region), channel);
       comparisons.push_back(c);
     }

@@ -47,8 +47,13 @@ struct Comparison {
 /// smaller than `tolerance` counts as zero, since it is rounding.
 ///
 /// Units are pixels: their means are independent of each other whatever the numbers of a pixel's samples are, and the test is
-/// Student's with their spread.
-std::vector<Comparison> compare_with_zero(const std::vector<DVec3>& differences, double tolerance);
+/// Student's with their spread. Spread says nothing of events so rare that none happened: in a thin medium nearly all samples are a
+/// little too dark, and few are much too bright. Events of size `rare` that make up for the mean m happen with the probability m/rare a
+/// sample and are missed by all n with exp(−n m/rare): p is at least that. 0 where both sides follow the same paths, so that nothing
+/// is made up for.
+std::vector<Comparison> compare_with_zero(const std::vector<DVec3>& differences, double tolerance, double rare);
+/// The size of rare events that the largest of these differences speaks for.
+double rare_size(const std::vector<DVec3>& differences);
 inline constexpr int kComparisons = 15;
 
 /// The comparison with the smallest p.

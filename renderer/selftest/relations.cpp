@@ -193,6 +193,11 @@ int channel_after(Relation relation, const Change& change, int c) {
 
 bool is_exact(Relation relation) { return relation == Relation::kFullKernel || relation == Relation::kScaledByTwo; }
 
+bool follows_same_paths(Relation relation) {
+  return relation == Relation::kScaled || relation == Relation::kMoved || relation == Relation::kMirrored ||
+         relation == Relation::kFarCamera || relation == Relation::kFarBody;
+}
+
 double tolerance(Relation relation) {
   // A lamp of a hundredth of its distance: the distances to its parts differ by that, and what arrives by twice as much.
   return relation == Relation::kShrunkLight ? 0.03 : 2e-4;

@@ -58,6 +58,8 @@ std::optional<Variant> changed(Relation relation, const Change& change, const Va
 int channel_after(Relation relation, const Change& change, int c);
 /// Both sides have the same bits.
 bool is_exact(Relation relation);
+/// The same random numbers make the same paths on both sides, but for decisions that rounding turns.
+bool follows_same_paths(Relation relation);
 /// What the two sides may differ by, relative to the mean: rounding, or what the shrinking of a light leaves out.
 double tolerance(Relation relation);
 

@@ -42,7 +42,8 @@ std::vector<MediumPart> simpler(const MediumPart& medium) {
   if (medium.phase.kind != "isotropic") with([](MediumPart& m) { m.phase = {}; });
   if (!is_grey(medium.depth)) with([](MediumPart& m) { m.depth = DVec3(std::max({m.depth.x, m.depth.y, m.depth.z})); });
   if (!is_grey(medium.albedo)) with([](MediumPart& m) { m.albedo = DVec3(m.albedo.x); });
-  if (is_grey(medium.albedo) && medium.albedo.x != 0 && medium.albedo.x != 0.5) {
+  // A cloud emits nothing, so in a furnace it does not absorb either.
+  if (medium.form != MediumForm::kCloud && is_grey(medium.albedo) && medium.albedo.x != 0 && medium.albedo.x != 0.5) {
     with([](MediumPart& m) { m.albedo = DVec3(0); });
     with([](MediumPart& m) { m.albedo = DVec3(0.5); });
   }

@@ -14,7 +14,8 @@ int main(int argc, char** argv) {
   Tally tally;
   for (uint64_t i = first; i < first + count; ++i) {
     const auto t0 = std::chrono::steady_clock::now();
-    const Verdict v = relation > 0 ? judge(random_case(seed, i, static_cast<Relation>(relation)), hash_combine(seed, ~i), {}) : judge(seed, i, what, {});
+    const Verdict v =
+        relation > 0 ? judge(random_case(seed, i, static_cast<Relation>(relation)), hash_combine(seed, ~i), {}) : judge(seed, i, what, {});
     const double dt = std::chrono::duration<double>(std::chrono::steady_clock::now() - t0).count();
     tally.add(v);
     if (verbose || dt > 3) {

@@ -61,17 +61,24 @@ TEST(Nets, ARelationThatDoesNotHoldIsCaught) {
   EXPECT_GE(caught, 8) << "open scenes are no furnaces";
 }
 
-/// P(|T| > t) of Student's t with 63 degrees of freedom at t = 3.2 is 0.0022.
 TEST(Nets, ADeviationIsMeasuredAgainstTheScatterOfPixels) {
   std::vector<DVec3> differences(64 * 4);
   Stream random(9);
   for (DVec3& d : differences) d = DVec3(random.uniform() - 0.5);
-  EXPECT_GT(worst(compare_with_zero(differences, 0)).p, 1e-3);
+  EXPECT_GT(worst(compare_with_zero(differences, 0, 0)).p, 1e-3);
   for (DVec3& d : differences) d.y += 0.2;
-  const Comparison found = worst(compare_with_zero(differences, 0));
+  const Comparison found = worst(compare_with_zero(differences, 0, 0));
   EXPECT_LT(found.p, 1e-9);
   EXPECT_EQ(found.what, "whole picture, channel 1");
-  EXPECT_EQ(worst(compare_with_zero(differences, 0.5)).p, 1);
+  EXPECT_EQ(worst(compare_with_zero(differences, 0.5, 0)).p, 1);
+}
+
+TEST(Nets, WhatRareEventsMayMakeUpForIsNoFailure) {
+  const std::vector<DVec3> differences(64 * 64, DVec3(-1e-3));
+  EXPECT_EQ(worst(compare_with_zero(differences, 0, 0)).p, 0);
+  // One sample in 4000 that brings 4 is missed by 4096 with e⁻¹.
+  EXPECT_NEAR(worst(compare_with_zero(differences, 0, 4)).p, std::exp(-1.024), 1e-12);
+  EXPECT_LT(worst(compare_with_zero(std::vector<DVec3>(64 * 64, DVec3(-0.05)), 0, 4)).p, 1e-20);
 }
 
 TEST(Nets, CoverageCountsFeaturesAndPairs) {
