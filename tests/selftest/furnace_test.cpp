@@ -9,9 +9,9 @@ namespace {
 
 /// False alarms: a case of a right renderer fails with 1e-8 (campaign.h), one of 100 features deviates in the mean of its cases by five
 /// standard deviations with 6e-5; seeds are fixed.
-class N74_Furnaces : public ::testing::TestWithParam<int> {};
+class Furnaces : public ::testing::TestWithParam<int> {};
 
-TEST_P(N74_Furnaces, HaveRadianceOneWhateverStandsInThem) {
+TEST_P(Furnaces, N74_have_radiance_one_whatever_stands_in_them) {
   Tally tally;
   judge_cases(kSeed, static_cast<uint64_t>(GetParam()) * kFurnacesATest, kFurnacesATest, Draw::kFurnaces, tally);
   const auto [feature, z] = tally.worst_pooled();
@@ -19,7 +19,7 @@ TEST_P(N74_Furnaces, HaveRadianceOneWhateverStandsInThem) {
   EXPECT_GE(tally.comparisons, kFurnacesATest * kComparisons);
 }
 
-INSTANTIATE_TEST_SUITE_P(Random, N74_Furnaces, ::testing::Range(0, kFurnaceTests));
+INSTANTIATE_TEST_SUITE_P(Random, Furnaces, ::testing::Range(0, kFurnaceTests));
 
 }  // namespace
 }  // namespace woodcock::selftest

@@ -8,9 +8,9 @@ namespace woodcock::selftest {
 namespace {
 
 /// False alarms: a case of a right renderer fails with 1e-8 (campaign.h); seeds are fixed.
-class N74_Relation : public ::testing::TestWithParam<int> {};
+class Relations : public ::testing::TestWithParam<int> {};
 
-TEST_P(N74_Relation, LeavesThePictureAsItIs) {
+TEST_P(Relations, N74_leave_the_picture_as_it_is) {
   const auto relation = static_cast<Relation>(GetParam());
   uint64_t told = 0;
   for (uint64_t i = 0; i < kCasesARelation; ++i) {
@@ -21,7 +21,7 @@ TEST_P(N74_Relation, LeavesThePictureAsItIs) {
   EXPECT_GE(told, kCasesARelation * 9 / 10) << "few of the scenes are ones of which the relation says something";
 }
 
-INSTANTIATE_TEST_SUITE_P(Random, N74_Relation, ::testing::Range(1, kRelationCount), [](const auto& p) {
+INSTANTIATE_TEST_SUITE_P(Random, Relations, ::testing::Range(1, kRelationCount), [](const auto& p) {
   std::string name = name_of(static_cast<Relation>(p.param));
   name.erase(std::remove_if(name.begin(), name.end(), [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; }), name.end());
   return name;

@@ -8,7 +8,7 @@
 namespace woodcock::testing {
 namespace {
 
-TEST(N69_WeightsLong, sum_to_one_over_a_thousand_scenes_and_a_million_contributions) {
+TEST(WeightsLong, N69_weights_sum_to_one_over_a_thousand_scenes_and_a_million_contributions) {
   CheckReport report;
   constexpr int kScenes = 1200;
   for (uint64_t i = 1; i <= kScenes; ++i) report.add(check_random_scene(1000 + i, 1500));

@@ -11,7 +11,7 @@
 namespace woodcock::testing {
 namespace {
 
-TEST(N69_Weights, sum_to_one_on_every_path_of_random_scenes) {
+TEST(Weights, N69_weights_sum_to_one_on_every_path_of_random_scenes) {
   // WOODCOCK_SEED shows one scene alone, with its text.
   CheckReport report;
   if (const char* seed = std::getenv("WOODCOCK_SEED")) {
@@ -28,7 +28,7 @@ TEST(N69_Weights, sum_to_one_on_every_path_of_random_scenes) {
 }
 
 /// Where two lights or depths are near a threshold, or a vertex is near a light, rounding may be more than what was changed.
-TEST(N69_Weights, that_are_off_by_a_five_hundredth_are_noticed) {
+TEST(Weights, N69_weights_that_are_off_by_a_five_hundredth_are_noticed) {
   Tampering all;
   for (uint64_t i = 1; i <= 24; ++i) {
     const Tampering t = check_tampered_scene(i, 40);
