@@ -12,7 +12,7 @@ namespace woodcock {
 namespace {
 
 /// Text packs 3 to 30 to 1; a grid of zeros packs better, but is not large.
-constexpr uint64_t kMaxRatio = 200, kAlwaysAllowed = uint64_t{1} << 28;
+constexpr uint64_t kMaxRatio = 200, kAlwaysAllowed = uint64_t{1} << 26;
 
 struct Inflate {
   z_stream stream{};

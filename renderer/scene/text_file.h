@@ -13,7 +13,7 @@ namespace woodcock {
 bool is_gzip(std::string_view bytes);
 
 /// The content of a gzip file, of all its members. Throws SceneError at `where`, with the name of the file, for one that is cut off or
-/// damaged, or whose content is larger than `max_bytes` or than any text packs (more than 256 MiB and 200 times its packed size).
+/// damaged, or whose content is larger than `max_bytes` or than any text packs (more than 64 MiB and 200 times its packed size).
 std::string unpack_gzip(std::string_view bytes, uint64_t max_bytes, const std::string& name, const SourceLocation& where);
 
 /// Throws SceneError at the file's first line for a text in UTF-16 or UTF-32, which some editors and shells write.

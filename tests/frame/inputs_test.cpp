@@ -144,21 +144,23 @@ TEST_F(Inputs, AGreyPictureWithAlphaIsItsGrey) {
 }
 
 TEST_F(Inputs, ReflectancesAboveOneAreCutAndSaid) {
+  // The mean of 1024 samples has a standard deviation of 0.0055; five of them are missed once in 10^6 seeds.
   write_image("t.exr", OIIO::TypeDesc::FLOAT, {3, 2, 0.5f});
   EXPECT_NEAR(mean_of("s.pbrt", kSky +
                                     "Texture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"t.exr\"\nMaterial \"diffuse\" \"texture "
                                     "reflectance\" \"t\"\nShape \"trianglemesh\" " +
                                     kSquare),
-              1, 1e-5);
+              1, 0.03);
   EXPECT_THAT(said_, ElementsAre(AllOf(HasSubstr("reaches 3"), HasSubstr("4 of 4 pixels"))));
 }
 
 TEST_F(Inputs, VolumesAreReadWhateverLiesBesideThem) {
+  // A standard deviation of 0.0007; five of them are missed once in 10^6 seeds.
   write_grids("V.VDB", {block("density", 1)});
-  EXPECT_NEAR(mean_of("s.pbrt", kSky + volume("V.VDB"), 0.3), kBlock, 1e-5);
+  EXPECT_NEAR(mean_of("s.pbrt", kSky + volume("V.VDB"), 0.3), kBlock, 0.005);
   EXPECT_THAT(said_, IsEmpty());
   write_grids("two.vdb", {block("density", 1), block("density", 2)});
-  EXPECT_NEAR(mean_of("s.pbrt", kSky + volume("two.vdb"), 0.3), kBlock, 1e-5);
+  EXPECT_NEAR(mean_of("s.pbrt", kSky + volume("two.vdb"), 0.3), kBlock, 0.005);
   EXPECT_THAT(said_, ElementsAre(HasSubstr("2 grids of the name")));
 }
 
