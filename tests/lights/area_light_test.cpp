@@ -277,15 +277,18 @@ TEST(AreaLight, PdfOfASampledPointIsThePdfOfTheSample) {
     const Lights lights = lights_of(emitting(light), {c.shape});
     for (const Vec3 ref : c.refs) {
       Stream random(7);
+      int samples = 0;
       for (int i = 0; i < 500; ++i) {
         const auto s = lights.sample(0, ref, random.uniform2(), random.uniform());
         if (!s) continue;
+        ++samples;
         // Grazing views of curved shapes turn float rounding of the point into changes of its cosine.
         const double cosine = std::abs(static_cast<double>(glm::dot(s->wi, s->n)));
         const float pdf = lights.pdf(0, ref, {s->p, s->n, Vec2(0), s->primitive}, s->wi);
         EXPECT_NEAR(pdf / s->pdf, 1, 1e-4 + 1e-5 / cosine) << c.name;
         EXPECT_NEAR(glm::distance(ref + s->distance * s->wi, s->p), 0, 1e-6f * (glm::length(s->p) + glm::length(ref))) << c.name;
       }
+      EXPECT_GT(samples, 0) << c.name;
     }
   }
 }
