@@ -107,7 +107,7 @@ TEST_F(Adaptive, CtrlCLeavesAFrameThatIsReplayedAndResumed) {
   const CommandResult result =
       run_command(command("a.exr", {"--target-error", "0.0001"}), ".", std::chrono::seconds(120), [&](pid_t child) {
         killer = std::thread([child] {
-          std::this_thread::sleep_for(std::chrono::seconds(2));
+          EXPECT_TRUE(wait_for_cpu_seconds(child, 2));
           kill(child, SIGINT);
         });
       });

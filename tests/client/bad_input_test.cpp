@@ -171,7 +171,7 @@ TEST_F(BadInput, CtrlCLeavesAValidPartialPicture) {
   const CommandResult result = run_command(
       {kWoodcock, "render", WOODCOCK_SOURCE_DIR "/scenes/sphere.pbrt", "-o", out.string(), "--spp", "1000000", "--resolution", "32x32"},
       folder_.path(), std::chrono::seconds(60), [](pid_t child) {
-        usleep(1500000);
+        EXPECT_TRUE(wait_for_cpu_seconds(child, 1));
         kill(child, SIGINT);
       });
   EXPECT_EQ(result.exit_code, 3) << result.err;
@@ -201,7 +201,7 @@ TEST_F(BadInput, CtrlCInTheFirstPassLeavesTheTilesThatAreFinished) {
     std::vector<std::string> command{kWoodcock, "render", scene, "-o", out.string(), "--spp", "1000000", "--threads", "1"};
     command.insert(command.end(), options.begin(), options.end());
     return run_command(command, folder_.path(), std::chrono::seconds(60), [](pid_t child) {
-      usleep(1500000);
+      EXPECT_TRUE(wait_for_cpu_seconds(child, 1.2));
       kill(child, SIGINT);
     });
   };

@@ -277,6 +277,7 @@ TEST(HardCases, N61_a_lamp_on_an_interface_is_seen_through_the_medium) {
           const CompiledScene scene = compile(head() + (lamp_first ? lamp + wall : wall + lamp));
           Stream random(3);
           PathCounters counters;
+          int compared = 0;
           for (int i = 0; i < 200; ++i) {
             const DVec3 target(1.6 * random.uniform_double() - 0.8, 1.5 * random.uniform_double() - 0.7, -0.3);
             const DVec3 o(2 * random.uniform_double() - 1, 2 * random.uniform_double() - 1, 4);
@@ -289,7 +290,9 @@ TEST(HardCases, N61_a_lamp_on_an_interface_is_seen_through_the_medium) {
             ASSERT_NEAR(radiance(scene, test_ray(scene, r * o, r * target), counters), 3 * std::exp(-sigma * way), 3e-4) << what;
             // Its back is black.
             ASSERT_EQ(radiance(scene, test_ray(scene, r * (target + 4.0 * d), r * target), counters), 0) << what;
+            ++compared;
           }
+          EXPECT_GT(compared, 100);
         }
       }
     }

@@ -285,9 +285,11 @@ TEST(AreaLight, PdfOfASampledPointIsThePdfOfTheSample) {
     const Lights lights = lights_of(emitting(light), {c.shape});
     for (const Vec3 ref : c.refs) {
       Stream random(7);
+      int samples = 0;
       for (int i = 0; i < 500; ++i) {
         const auto s = lights.sample(0, ref, random.uniform2(), random.uniform());
         if (!s) continue;
+        ++samples;
         // Grazing views of curved shapes turn float rounding of the point into changes of its cosine.
         const double cosine = std::abs(static_cast<double>(glm::dot(s->wi, s->n)));
         const DVec2 parameters = c.parameters(s->target.primitive, s->p);
@@ -296,6 +298,7 @@ TEST(AreaLight, PdfOfASampledPointIsThePdfOfTheSample) {
         EXPECT_NEAR(glm::length(glm::cross(s->p - DVec3(ref), DVec3(s->wi))), 0, 1e-6 * (glm::length(s->p) + glm::length(DVec3(ref))))
             << c.name;
       }
+      EXPECT_GT(samples, 0) << c.name;
     }
   }
 }

@@ -87,6 +87,7 @@ TEST(BrickWalk, N10_each_segment_lies_in_the_brick_whose_bound_it_carries) {
     for (int z = 0; z < voxels.z; ++z)
       for (int y = 0; y < voxels.y; ++y)
         for (int x = 0; x < voxels.x; ++x) grid.add_voxel({x, y, z}, random.uniform());
+    int segments = 0;
     for (int i = 0; i < 5000; ++i) {
       const Vec3 o = Vec3(voxels) * (Vec3(random.uniform(), random.uniform(), random.uniform()) * 3.0f - 1.0f);
       const Vec3 d = glm::normalize(Vec3(voxels) * Vec3(random.uniform(), random.uniform(), random.uniform()) - o);
@@ -97,8 +98,10 @@ TEST(BrickWalk, N10_each_segment_lies_in_the_brick_whose_bound_it_carries) {
         if (s->t1 - s->t0 < 1e-4f) continue;
         const IVec3 brick = glm::clamp(IVec3(glm::floor(middle / double(edge))), IVec3(0), grid.size() - 1);
         EXPECT_EQ(s->sigma, grid.bound(brick));
+        ++segments;
       }
     }
+    EXPECT_GT(segments, 2500);
   }
 }
 

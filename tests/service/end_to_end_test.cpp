@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <fstream>
 #include <sstream>
-#include <thread>
 
 #include "tests/service/service_fixture.h"
 
@@ -170,9 +169,13 @@ TEST_F(Service, PausedJobWaitsAndResumedJobEnds) {
   const std::string job = submit(kQuick);
   EXPECT_EQ(woodcock({"pause", job}).code, 0);
   start_worker();
-  std::this_thread::sleep_for(seconds(2));
-  EXPECT_EQ(show(job)["progress"]["tasks_done"], 0);
-  EXPECT_EQ(show(job)["state"], "paused");
+  // The worker renders what was submitted later, to its end, and nothing of the job that waits.
+  const std::string later = submit({kSphere, "--spp", "64", "--resolution", "64x64", "--tile", "16"});
+  EXPECT_EQ(watch(later), 0);
+  const nlohmann::json paused = show(job);
+  EXPECT_EQ(paused["progress"]["tasks_done"], 0);
+  EXPECT_EQ(paused["progress"]["tasks_leased"], 0);
+  EXPECT_EQ(paused["state"], "paused");
   EXPECT_EQ(woodcock({"resume", job}).code, 0);
   EXPECT_EQ(watch(job), 0);
   EXPECT_THAT(woodcock({"jobs"}).out, AllOf(HasSubstr(job), HasSubstr("done")));
@@ -218,11 +221,16 @@ TEST_F(Fault, F01_WorkerKilledMidTile) {
 TEST_F(Fault, F02_WorkerStoppedPastItsLeaseThenContinued) {
   start_coordinator();
   start_worker();
-  start_worker();
   const std::string job = start_long_job();
   wait_until_mid_job(job);
+  const auto watcher = woodcock_in_background({"watch", job});
   workers_.front()->signal(SIGSTOP);
-  std::this_thread::sleep_for(seconds(6));
+  // There is nobody else: the job is where it was when the lease ends.
+  ASSERT_TRUE(eventually(kPatience, [&] { return watcher->err().find("no progress within the lease") != std::string::npos; }))
+      << "the lease of a stopped worker does not expire\n"
+      << watcher->err();
+  EXPECT_EQ(show(job)["progress"]["tasks_leased"], 0);
+  start_worker();
   workers_.front()->signal(SIGCONT);
   expect_undisturbed(job);
   EXPECT_TRUE(workers_.front()->running());
@@ -236,7 +244,7 @@ TEST_F(Fault, F03_CoordinatorKilledMidJobAndStartedAgain) {
   const auto watcher = woodcock_in_background({"watch", job});
   wait_until_mid_job(job);
   kill_coordinator();
-  std::this_thread::sleep_for(seconds(1));
+  wait_until_workers_miss_the_coordinator();
   restart_coordinator();
   EXPECT_EQ(watcher->wait(kPatience), 0) << "a watch lives through the restart\n" << watcher->err();
   expect_undisturbed(job);

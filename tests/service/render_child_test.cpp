@@ -119,12 +119,11 @@ TEST_F(RenderChildTest, CrashIsReportedWithItsSignalAndAFreshChildGoesOn) {
 
 TEST_F(RenderChildTest, KillFromOutsideIsReportedAsMemory) {
   auto child = start();
-  std::thread killer([pid = child->pid()] {
-    std::this_thread::sleep_for(milliseconds(200));
-    ::kill(pid, SIGKILL);
-  });
-  EXPECT_EQ(cause(run(*child, "slow")), FailureCause::kOutOfMemory);
-  killer.join();
+  const auto kill_when_it_renders = [this, pid = child->pid(), killed = false]() mutable {
+    if (moves_ > 0 && !std::exchange(killed, true)) ::kill(pid, SIGKILL);
+    return false;
+  };
+  EXPECT_EQ(cause(run(*child, "slow", kill_when_it_renders)), FailureCause::kOutOfMemory);
 }
 
 TEST_F(RenderChildTest, F08_HangIsKilledAfterTheProgressTimeout) {

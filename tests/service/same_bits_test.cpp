@@ -3,8 +3,6 @@
 // (Tiles, threads and sample splits of `render` itself are in tests/client.)
 #include <signal.h>
 
-#include <thread>
-
 #include "tests/service/service_fixture.h"
 
 namespace woodcock::testing_service {
@@ -64,7 +62,7 @@ TEST_P(SameBits, WithTheCoordinatorKilledInTheMiddle) {
   const std::string job = start_long_job();
   wait_until_mid_job(job);
   kill_coordinator();
-  std::this_thread::sleep_for(std::chrono::seconds(1));
+  wait_until_workers_miss_the_coordinator();
   restart_coordinator();
   expect_undisturbed(job);
 }

@@ -67,13 +67,17 @@ TEST(Scheduler, F12ALeaseLivesAsLongAsItsCounterMovesAndNoLonger) {
 TEST(Scheduler, F02AStaleWorkerIsRefusedButItsResultCommitsOnceWhileTheTaskIsOpen) {
   SchedulerWorld world;
   world.scheduler.add_job(test_job("j1"));
-  const Grant grant = world.sync("w1").at(0);
+  const std::vector<Grant> stale = world.sync("w1");
+  ASSERT_EQ(stale.size(), 2u);
+  const Grant grant = stale[0];
   world.now += 60 * kSecond;
   world.scheduler.tick(world.now);
   const Grant again = world.sync("w2").at(0);
   ASSERT_EQ(again.task, grant.task);
-  // Its failure report is stale and changes nothing.
+  EXPECT_EQ(world.events[EventKind::LeaseExpired], 2);
+  // Its failure report is stale and changes nothing; the lease that it renews is no more.
   world.fail("w1", grant);
+  EXPECT_EQ(world.cancelled.count(stale[1].lease_id), 1u);
   EXPECT_EQ(world.events[EventKind::TaskFailed], 0);
   EXPECT_EQ(world.finish("w1", grant), OfferStatus::Pending);
   EXPECT_EQ(world.commits.size(), 1u);

@@ -188,6 +188,13 @@ void ServiceTest::wait_until_mid_job(const std::string& job) {
   ASSERT_LT(now["progress"]["tasks_done"].get<int>(), now["progress"]["tasks_total"].get<int>()) << "the job was too short for the fault";
 }
 
+void ServiceTest::wait_until_workers_miss_the_coordinator() {
+  for (const auto& worker : workers_) {
+    ASSERT_TRUE(eventually(kPatience, [&] { return worker->err().find("no answer from the coordinator") != std::string::npos; }))
+        << worker->err();
+  }
+}
+
 void ServiceTest::expect_no_leftovers() const {
   const fs::path dir = folder_ / "coordinator";
   for (const char* name : {"temporary", "uploads"}) {

@@ -76,6 +76,8 @@ class ServiceTest : public ::testing::Test {
   nlohmann::json show(const std::string& job);
   /// Waits until the job has begun to commit tasks and has not ended.
   void wait_until_mid_job(const std::string& job);
+  /// Waits until each worker has found the coordinator gone.
+  void wait_until_workers_miss_the_coordinator();
   /// Nothing unfinished lies in the coordinator's folder.
   void expect_no_leftovers() const;
   /// Watches the job to its end; the exit code.

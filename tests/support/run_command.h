@@ -10,6 +10,8 @@
 
 #include <chrono>
 #include <filesystem>
+#include <fstream>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -73,6 +75,28 @@ CommandResult run_command(const std::vector<std::string>& arguments, const std::
   result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;
+}
+
+/// Waits until a process has used this much time of a processor: it works, however busy the machine is. False after a minute, or
+/// when the process has ended.
+inline bool wait_for_cpu_seconds(pid_t process, double seconds) {
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+  while (std::chrono::steady_clock::now() < deadline) {
+    std::ifstream stat("/proc/" + std::to_string(process) + "/stat");
+    std::string line;
+    if (!std::getline(stat, line)) return false;
+    // After the name, which ends with the last bracket: the state, ten numbers, then time as user and as system.
+    std::istringstream words(line.substr(line.rfind(')') + 1));
+    std::string word;
+    double ticks = 0;
+    for (int i = 0; i < 13 && words >> word; ++i) {
+      if (i == 0 && word == "Z") return false;
+      if (i >= 11) ticks += std::stod(word);
+    }
+    if (ticks >= seconds * static_cast<double>(sysconf(_SC_CLK_TCK))) return true;
+    usleep(5000);
+  }
+  return false;
 }
 
 inline CommandResult run_command(const std::vector<std::string>& arguments, const std::filesystem::path& folder = ".",
