@@ -21,7 +21,7 @@ struct CheckReport {
   int64_t steps = 0;                                 ///< segments, directions, roulettes and media of the paths themselves
   double weight_deviation = 0;                       ///< largest difference of a weight
   double sum_deviation = 0;                          ///< largest of |Σ w − 1|, the used weight in place of the function's
-  double density_deviation = 0;                      ///< largest relative difference of a density
+  double density_deviation = 0;                      ///< largest relative difference of a density where rounding allows less than 10⁻³
   double value_deviation = 0;                        ///< ... of a value
   double worst = 0;                                  ///< largest difference of any kind over what rounding allows
   int64_t failed = 0;
