@@ -77,7 +77,8 @@ std::string body_block(const Scene& scene, int index, const Writing& writing) {
             medium_text(medium_name(index), *body.medium, index_inside(scene, index), scene.furnace, body.radius * scene.placement.scale,
                         writing) +
             "AttributeEnd\n";
-  const bool mirrored = (body.stretch.x * body.stretch.y * body.stretch.z < 0) != scene.placement.mirrored;
+  // Of an instance only what is inside of the object's definition counts.
+  const bool mirrored = (body.stretch.x * body.stretch.y * body.stretch.z < 0) != (scene.placement.mirrored && !body.instance);
   BodyText how{
       body, fmt::format("b{}", index), emission_of(scene, body), body.radius * scene.placement.scale, mirrored, writing.split_lights, ""};
   if (body.has_boundary) {
