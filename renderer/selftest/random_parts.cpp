@@ -109,9 +109,6 @@ MediumPart random_medium(RandomDraws& draw, const MediumNeeds& needs) {
       // Grids are tracked step by step as far as nothing scatters.
       for (int c = 0; c < 3; ++c)
         if (medium.albedo[c] < 0.1) medium.depth = glm::min(medium.depth, DVec3(200));
-      // Grids are tracked step by step as far as nothing scatters.
-      for (int c = 0; c < 3; ++c)
-        if (medium.albedo[c] < 0.1) medium.depth = glm::min(medium.depth, DVec3(200));
       const int least = medium.form == MediumForm::kRgbGrid ? 3 : 1;
       for (int i = 0; i < 3; ++i) medium.size[i] = least + draw.index(medium.form == MediumForm::kRgbGrid ? 3 : 6);
       const size_t voxels = static_cast<size_t>(medium.size.x) * static_cast<size_t>(medium.size.y) * static_cast<size_t>(medium.size.z);
@@ -148,6 +145,14 @@ MediumPart random_medium(RandomDraws& draw, const MediumNeeds& needs) {
         if (part.form == MediumForm::kSum) part = part.parts[0];
         medium.parts.push_back(part);
       }
+      // The parts of a sum that differ by channel and by phase function give a scattering weights that differ by channel, whose products
+      // over hundreds of scatterings have tails that no comparison of means can judge: such parts share a phase function.
+      const auto is_chromatic = [](const MediumPart& part) {
+        const auto differs = [](DVec3 v) { return v.x != v.y || v.y != v.z; };
+        return part.form == MediumForm::kRgbGrid || differs(part.depth) || differs(part.albedo);
+      };
+      if (std::any_of(medium.parts.begin(), medium.parts.end(), is_chromatic))
+        for (MediumPart& part : medium.parts) part.phase = medium.parts[0].phase;
       break;
     }
     default:

@@ -264,8 +264,11 @@ class PathKernel {
 
   /// The medium that the path is in when it has left the surface for w, and the member `joined` with a transmission.
   int medium_after_leaving(const SurfaceInfo& info, Vec3 ng, DVec3 w, int joined, bool transmission) const {
-    if (uses(kTouching) && joined != kNone && transmission) return medium_towards(surface_of((*here_)[joined]), (*here_)[joined].s.ng, w);
-    return medium_towards(info, ng, w);
+    const int behind = medium_towards(info, ng, w);
+    if (!uses(kTouching) || joined == kNone || !transmission) return behind;
+    // The body that begins here may keep the medium behind the one that ends.
+    const Junction::Member& entry = (*here_)[joined];
+    return uses(kMedia) ? world_.medium_after(surface_of(entry), entry.s.ng, w, behind) : kNone;
   }
 
   /// Goes on behind a surface that is not there for this path, or is a boundary only.

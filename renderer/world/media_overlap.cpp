@@ -167,10 +167,9 @@ std::string note_on_overlap(const SceneDescription& scene, const World& world) {
   };
   return "media overlap: a part of " + shown(first->a) + " lies inside " + shown(first->b) +
          ", and neither boundary names the other's medium as its outside; the boundary that was crossed last counts, and behind the "
-         "overlap one "
-         "medium is missing (as in pbrt-v4). A boundary within a medium names it: MediumInterface \"inner\" \"outer\"; media that add up "
-         "are one "
-         "of type \"sum\"" +
+         "overlap one medium is missing (as in pbrt-v4). A boundary within a medium names it: MediumInterface \"inner\" \"outer\"; media "
+         "that "
+         "add up are one of type \"sum\"" +
          (found.size() > 1 ? "; " + std::to_string(found.size()) + " pairs of boundaries overlap so" : "");
 }
 

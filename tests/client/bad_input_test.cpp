@@ -83,7 +83,7 @@ TEST_F(BadInput, ScenesWithAnErrorAreRefusedWithItsPlace) {
       {"density",
        kHead + "WorldBegin\n" + medium + "\"uniformgrid\" \"integer nx\" 2 \"integer ny\" 1 \"integer nz\" 1 \"float density\" [ 1 nan ]\n",
        {"density.pbrt:4:"}},
-      {"singular", kHead + "WorldBegin\nScale 1 0 1\nShape \"sphere\"\n", {"singular.pbrt:4:"}},
+      {"singular", kHead + "WorldBegin\nScale 1 0 1\nShape \"sphere\"\n", {"singular.pbrt:5:"}},
       {"recursive", kHead + "WorldBegin\nInclude \"recursive.pbrt\"\n", {"recursive.pbrt:4:", "Include"}},
       {"outside", kHead + "WorldBegin\nInclude \"../../etc/passwd\"\n", {"outside.pbrt:4:"}},
       {"absolute", kHead + "WorldBegin\nShape \"plymesh\" \"string filename\" \"/etc/passwd\"\n", {"absolute.pbrt:4:", "/etc/passwd"}},

@@ -42,7 +42,7 @@ const std::map<std::string, std::set<std::string>> kOnly{
     {"worker", {"renderer/core", "renderer/scene", "renderer/film", "renderer/accuracy", "renderer/frame", "rpc", "worker"}},
     {"client",
      {"renderer/core", "renderer/scene", "renderer/world", "renderer/transport", "renderer/film", "renderer/accuracy", "renderer/frame",
-      "rpc", "client"}},
+      "renderer/selftest", "rpc", "client"}},
 };
 
 /// Outside rpc, the files that speak gRPC: the coordinator's services and its server, and the two callers.

@@ -163,6 +163,8 @@ class CoordinatorWorld {
       const auto [outcome, response] = sync(request);
       EXPECT_TRUE(outcome.ok()) << outcome.message;
       for (const v1::OfferVerdict& verdict : response.verdicts()) {
+        // The told clock may run past the store's deadline on a busy machine: a worker offers the result again then.
+        if (verdict.verdict() == v1::VERDICT_RETRY_LATER) continue;
         EXPECT_EQ(verdict.verdict(), v1::VERDICT_COMMITTED) << verdict.reason();
         held.erase(verdict.lease_id());
         ++committed;

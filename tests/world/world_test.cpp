@@ -81,7 +81,7 @@ TEST(CameraMedium, OfAWindowInSeveralMediaIsThatOfItsCentreWithANote) {
   const auto notes = [](double half_width) {
     return build_world(read(kMedia + "LookAt 0 0 0 0 0 1 0 1 0\n" +
                             fmt::format("Camera \"orthographic\" \"float screenwindow\" [ {0} {1} {0} {1} ]\n", -half_width, half_width) +
-                            "WorldBegin\n" + ball("a", "", 1) + ball("b", "", 50)))
+                            "WorldBegin\n" + ball("a", "b", 1) + ball("b", "", 50)))
         ->notes;
   };
   EXPECT_THAT(notes(0.5), IsEmpty());
