@@ -12,15 +12,22 @@ namespace {
 
 constexpr int kMaxInterfaces = 200;
 
-/// The first hit that is no mere boundary, and how far it is from `from`.
-std::optional<std::pair<Hit, double>> first_hit(const World& world, DVec3 from, DVec3 direction) {
+/// A hit, the ray that met it, and how far it is from where the search began.
+struct Found {
+  Hit hit;
+  Ray ray;
+  double distance;
+};
+
+/// The first hit that is no mere boundary.
+std::optional<Found> first_hit(const World& world, DVec3 from, DVec3 direction) {
   double travelled = 0;
   Ray ray{from, direction};
   for (int i = 0; i < kMaxInterfaces; ++i) {
     const auto hit = world.geometry.intersect(ray, static_cast<double>(kInf));
     if (!hit) return std::nullopt;
     travelled += hit->t;
-    if (!world.surfaces[static_cast<size_t>(hit->shape)].is_interface) return std::pair(*hit, travelled);
+    if (!world.surfaces[static_cast<size_t>(hit->shape)].is_interface) return Found{*hit, ray, travelled};
     const SurfacePoint s = world.geometry.surface(*hit, ray, Geometry::Tangents::kNotWanted);
     ray.o = offset_origin(s, ray.d);
     travelled = glm::length(ray.o - from);
@@ -38,10 +45,11 @@ Seen by_first_hit(const World& world, DVec3 from, const LightSample& light) {
   const Box3 box = bounds_of(world.geometry.shapes()[static_cast<size_t>(light.target.shape)]);
   const double size = static_cast<double>(glm::length(box.extent()));
   if (!found) return Seen::kUnclear;
-  const double apart = std::abs(found->second - distance);
-  if (apart < 1e-6 * size && found->first.shape == light.target.shape) return Seen::kYes;
+  const double apart = std::abs(found->distance - distance);
+  if (apart < 1e-6 * size && found->hit.shape == light.target.shape) return Seen::kYes;
   // A ray that went on behind boundaries is a little off, which counts where it meets the light at a small angle.
-  return apart < 0.02 * size ? Seen::kUnclear : Seen::kNo;
+  const bool is_close = apart < 0.02 * size || world.geometry.is_target(found->hit, found->ray, light.target);
+  return is_close ? Seen::kUnclear : Seen::kNo;
 }
 
 }  // namespace
