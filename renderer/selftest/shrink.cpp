@@ -147,8 +147,12 @@ bool is_sound(const Case& c) {
     bool holds = scene.camera.region == static_cast<int>(i);
     for (const Body& other : scene.bodies) {
       holds |= other.parent == static_cast<int>(i);
-      // Nothing may come to overlap glass.
+      // Nothing may come to overlap glass, and boxes that touch keep touching.
       if (&other == &body || other.enclosure || body.enclosure || other.parent != body.parent) continue;
+      const bool were_together = is_half_box(body.form) && is_half_box(other.form) && glm::length(other.center - body.center) < body.radius;
+      if (were_together && (other.center != body.center || other.radius != body.radius || other.axis != body.axis ||
+                            other.angle != body.angle || other.stretch != body.stretch))
+        return false;
       const bool apart = glm::length(other.center - body.center) > other.radius + body.radius;
       if (!apart && !(is_half_box(body.form) && is_half_box(other.form)) && (changes_index(body.material) || changes_index(other.material)))
         return false;
