@@ -211,11 +211,9 @@ static Scene random_lamp_scene(RandomDraws& draw) {
   Body target;
   target.radius = 0.2;
   if (draw.chance(0.5)) {
-    target.form = random_open_form(draw);
+    // A ball, and its lit side: what is lit along a sheet sees more of a large lamp than of a small one.
     target.material = random_opaque(draw, 0.9);
     if (target.material.form == MaterialForm::kDiffuse) target.material.reflectance = glm::max(target.material.reflectance, DVec3(0.2));
-    target.axis = draw.direction();
-    target.angle = draw.uniform(0, 360);
   } else {
     target.material.form = MaterialForm::kInterface;
     target.has_boundary = true;
@@ -229,9 +227,10 @@ static Scene random_lamp_scene(RandomDraws& draw) {
   scene.camera.eye = draw.direction();
   Body lamp;
   const double far = draw.chance(0.5) ? 1.0 : draw.log_uniform(1, 100);
-  // Where the camera does not look.
+  // Where the camera does not look, and on its side.
   do lamp.center = far * draw.direction();
-  while (glm::dot(glm::normalize(lamp.center - scene.camera.eye), -scene.camera.eye) > 0.8 * glm::length(scene.camera.eye));
+  while (glm::dot(lamp.center, scene.camera.eye) < 0.2 * far ||
+         glm::dot(glm::normalize(lamp.center - scene.camera.eye), -scene.camera.eye) > 0.8 * glm::length(scene.camera.eye));
   lamp.form = draw.chance(0.3) ? random_closed_form(draw) : random_open_form(draw);
   lamp.radius = RandomDraws::rounded(kLargeLamp * far * draw.uniform(0.7, 1));
   lamp.material.reflectance = DVec3(0);
