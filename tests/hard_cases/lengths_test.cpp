@@ -1,4 +1,4 @@
-// Lengths are those between true hits, however dense a medium is and however far away (N70); a flight belongs to its vertex (N69).
+// Lengths are those between true hits, however dense a medium is and however far away (N70).
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -165,19 +165,6 @@ TEST(HardCases, N70_a_medium_too_dense_for_double_is_said) {
   EXPECT_TRUE(notes(1e10).empty());
   ASSERT_EQ(notes(1e12).size(), 1u);
   EXPECT_NE(notes(1e12)[0].find("\"m\" is so dense"), std::string::npos);
-}
-
-TEST(HardCases, N69_a_room_full_of_fog_with_a_small_light_is_as_bright_without_equiangular_distances) {
-  const std::string room =
-      perspective({0, 0, 2.9}, {0, 0, 0}, 60, 20) + "WorldBegin\n" + homogeneous("fog", Rgb(0.02f), Rgb(0.2f)) +
-      "AttributeBegin\nMediumInterface \"\" \"fog\"\nMaterial \"diffuse\" \"rgb reflectance\" [ .7 .7 .7 ]\nReverseOrientation\nShape "
-      "\"trianglemesh\" \"point3 P\" [ -3 -3 -3 3 -3 -3 3 3 -3 -3 3 -3 -3 -3 3 3 -3 3 3 3 3 -3 3 3 ] \"integer indices\" [ 0 2 1 0 3 2 4 5 "
-      "6 "
-      "4 6 7 0 1 5 0 5 4 3 7 6 3 6 2 0 4 7 0 7 3 1 2 6 1 6 5 ]\nAttributeEnd\nAttributeBegin\nMediumInterface \"fog\" \"fog\"\n"
-      "AreaLightSource \"diffuse\" \"rgb L\" [ 20 20 20 ]\nTranslate 0 1.5 0\nShape \"sphere\" \"float radius\" .1\nAttributeEnd\n";
-  CompiledScene without = compile(room);
-  without.settings.features.take_out(Feature::kEquiangular);
-  expect_equal(estimate(room, 300000, 1), estimate(without, 300000, 2), 0.04, "fog");
 }
 
 }  // namespace
