@@ -24,7 +24,5 @@ std::span<const Kernel> kernel_group() {
 
 inline constexpr uint32_t kDiffuse = kSurfaces | kLightSampling;
 inline constexpr uint32_t kAnySurface = kSurfaces | kGeneralSurfaces | kLightSampling;
-inline constexpr uint32_t kScatteringMedium = kVolumeScattering | kLightSampling;
-inline constexpr uint32_t kEmissiveGrid = kVolumeEmission | kEmissionSampling;
 
 }  // namespace woodcock

@@ -8,7 +8,7 @@ namespace woodcock {
 std::span<const Kernel> kernels() {
   static const std::vector<Kernel> all = [] {
     std::vector<Kernel> list;
-    for (const auto part : {surface_kernels(), homogeneous_kernels(), heterogeneous_kernels(), full_kernels()})
+    for (const auto part : {surface_kernels(), full_kernels()})
       list.insert(list.end(), part.begin(), part.end());
     return list;
   }();

@@ -27,8 +27,6 @@ const Kernel& smallest_kernel(uint32_t effects);
 
 /// What the files of kernels give to the list.
 std::span<const Kernel> surface_kernels();
-std::span<const Kernel> homogeneous_kernels();
-std::span<const Kernel> heterogeneous_kernels();
 std::span<const Kernel> full_kernels();
 
 }  // namespace woodcock
