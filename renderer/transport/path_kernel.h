@@ -17,6 +17,7 @@
 #include "renderer/transport/mis.h"
 #include "renderer/transport/path.h"
 #include "renderer/transport/path_record.h"
+#include "renderer/transport/roulette.h"
 #include "renderer/transport/tentative_collisions.h"
 #include "renderer/transport/transmittance.h"
 #include "renderer/transport/vertex.h"
@@ -461,11 +462,11 @@ class PathKernel {
     begin_segment();
   }
 
-  /// Russian roulette on the throughput relative to what refraction alone does to radiance (η²).
+  /// Russian roulette from the second scattering on.
   bool survives_roulette() {
     if (stopped_) return false;
     if (depth_ < 2 || !settings_.features.has(Feature::kRoulette)) return !is_black(beta_);
-    const float q = max_component(glm::abs(beta_)) * eta_scale_;
+    const float q = roulette_survival(beta_, eta_scale_);
     if (q >= 1) return true;
     if (!(q > 0) || stream(key_, vertex_, Purpose::kRoulette).uniform_double() >= static_cast<double>(q)) return false;
     beta_ /= q;

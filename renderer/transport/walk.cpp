@@ -3,17 +3,16 @@
 #include <cmath>
 
 #include "renderer/core/warp.h"
+#include "renderer/transport/roulette.h"
 
 namespace woodcock {
 namespace {
 
-/// Russian roulette from the second scattering on, on the throughput relative to the branch's own start and to what
-/// refraction alone does to radiance: survival with probability q = min(1, max β · η²/start), and then the weight 1/q.
+/// Russian roulette from the second scattering on, relative to the branch's own start.
 bool survives_roulette(WalkSample& sample, Walk& w) {
   if (sample.stopped || is_black(w.beta)) return false;
   if (w.depth < 2) return true;
-  // Unbiased ray marching may turn the sign of β.
-  const float q = max_component(glm::abs(w.beta)) * w.eta_scale / w.start_weight;
+  const float q = roulette_survival(w.beta, w.eta_scale, w.start_weight);
   if (q >= 1) return true;
   if (!(q > 0) || stream(w.key, w.vertex, Purpose::kRoulette).uniform_double() >= static_cast<double>(q)) return false;
   w.beta /= q;

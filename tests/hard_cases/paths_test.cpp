@@ -244,7 +244,7 @@ TEST(HardCases, N29_triangles_without_area_change_nothing) {
 TEST(HardCases, N44_roulette_does_not_take_refraction_for_a_loss) {
   std::string shells;
   for (int i = 0; i < 12; ++i)
-    shells += fmt::format("Material \"dielectric\" \"float eta\" {}\n", i % 2 ? 1 / 1.7 : 1.7) + sphere(2 - 0.15 * i);
+    shells += fmt::format("Material \"dielectric\" \"float eta\" {}\n", i % 2 ? 1 / 2.5 : 2.5) + sphere(2 - 0.15 * i);
   const CompiledScene scene = compile(perspective({0, 0, 6}, {0, 0, 0}, 40, 1000000) + "WorldBegin\n" + environment(1) + shells);
   for (const Rgb r : radiances(scene, 3000, 1)) ASSERT_NEAR(r.g, 1, 1e-3);
 }

@@ -232,7 +232,7 @@ void PathCheck::see(const DirectionTaken& e) {
   compare("the throughput after a scattering", e.beta, so_far_.beta(), so_far_.slack);
   // The difference is judged once; what follows is judged from here.
   if (largest(before.beta()) > 0) recorded_beta_ = e.beta;
-  survival_ = largest(so_far_.beta()) * eta_scale_;
+  survival_ = 4 * largest(so_far_.beta()) * eta_scale_;  // a path that carries a quarter goes on
   roulette_due_ = scatterings_ >= 2 && has(Feature::kRoulette) && survival_ < 1;
 }
 
