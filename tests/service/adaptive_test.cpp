@@ -107,11 +107,19 @@ TEST_F(AdaptiveJobs, AnExtensionRendersOnlyTheDifference) {
 TEST_F(AdaptiveJobs, ALimitOfTimeLeavesAFrameWhoseMapIsReplayed) {
   start_coordinator();
   start_worker();
-  std::vector<std::string> limited = scene("0.01%");
-  limited.insert(limited.begin(), {"submit", "--max-time", "2s", "-o", path("image.exr")});
-  const Ended run = woodcock(limited);
+  // A busy machine may not reach the first samples of every block in two seconds; then the frame is partial, and twice the time is given.
+  Ended run;
+  run.code = 3;
+  for (int seconds = 2; run.code == 3 && seconds <= 64; seconds *= 2) {
+    std::vector<std::string> limited = scene("0.01%");
+    limited.insert(limited.begin(), {"submit", "--max-time", std::to_string(seconds) + "s", "-o", path("image.exr")});
+    std::filesystem::remove(path("image.exr"));
+    run = woodcock(limited);
+    if (run.code != 3) {
+      EXPECT_THAT(run.out, ::testing::HasSubstr("ended by its limit of " + std::to_string(seconds) + " s"));
+    }
+  }
   ASSERT_EQ(run.code, 0) << run.err;
-  EXPECT_THAT(run.out, ::testing::HasSubstr("ended by its limit of 2 s"));
   std::vector<std::string> replay = scene("");
   replay[1] = "--sample-map";
   replay[2] = path("image.exr");
