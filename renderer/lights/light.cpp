@@ -1,6 +1,9 @@
 #include "renderer/lights/light.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
 
 #include "renderer/lights/light_table.h"
 #include "renderer/scene/scene_error.h"
@@ -17,19 +20,24 @@ struct Overloaded : F... {
 /// and without this part a far-away ground plane would starve every small lamp.
 constexpr double kUniformShare = 0.2;
 
-std::vector<double> choice_weights(const std::vector<Rgb>& powers) {
+std::vector<double> choice_weights(const std::vector<double>& powers) {
   double total = 0;
   int shining = 0;
-  for (const Rgb& power : powers) {
-    total += static_cast<double>(average(power));
-    shining += average(power) > 0;
+  for (const double power : powers) {
+    total += power;
+    shining += power > 0;
   }
   std::vector<double> weights;
-  for (const Rgb& power : powers) {
-    const double p = static_cast<double>(average(power));
-    weights.push_back(!(total > 0 && std::isfinite(total)) ? 1.0 : p > 0 ? (1 - kUniformShare) * p / total + kUniformShare / shining : 0.0);
-  }
+  for (const double p : powers) weights.push_back(p > 0 ? (1 - kUniformShare) * p / total + kUniformShare / shining : 0.0);
   return weights;
+}
+
+/// The power of what is sampled: of a sky, what MIS compensation leaves.
+double sampled_power(const Light& light, double radius) {
+  if (const auto* sky = std::get_if<InfiniteLight>(&light))
+    return 4 * std::numbers::pi * std::numbers::pi * radius * radius * sky->sampled_radiance();
+  const double power = static_cast<double>(average(std::visit([](const auto& l) { return l.power(); }, light)));
+  return std::isfinite(power) ? std::max(power, 0.0) : static_cast<double>(std::numeric_limits<float>::max());
 }
 
 DVec3 center_of(const Shape& shape) { return DVec3(bounds_of(shape).center()); }
@@ -85,7 +93,9 @@ Lights::Lights(const SceneDescription& description, const std::vector<Shape>& sh
       if (shape.area_light)
         throw SceneError(shape.where,
                          "found an area light in the object \"" + object.name + "\", expected one on a shape outside of objects");
-  const std::vector<double> weights = choice_weights(table->power);
+  std::vector<double> powers;
+  for (const Light& light : table->lights) powers.push_back(sampled_power(light, static_cast<double>(radius)));
+  const std::vector<double> weights = choice_weights(powers);
   std::vector<double> bounded = weights;
   for (size_t i = 0; i < bounded.size(); ++i)
     if (!table->position[i]) bounded[i] = 0;
@@ -97,7 +107,7 @@ Lights::Lights(const SceneDescription& description, const std::vector<Shape>& sh
 int Lights::size() const { return static_cast<int>(table_->lights.size()); }
 
 std::optional<Lights::Choice> Lights::choose(double u) const {
-  if (table_->lights.empty()) return std::nullopt;
+  if (!(table_->choice.total() > 0)) return std::nullopt;
   const int light = static_cast<int>(table_->choice.sample(u).index);
   return Choice{light, pmf(light)};
 }

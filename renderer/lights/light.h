@@ -58,8 +58,8 @@ class Lights {
     int light;
     float pmf;  ///< the probability of this choice
   };
-  /// Chooses a light in proportion to its power, or uniformly where no light has any. u in [0,1). Nothing where
-  /// there is no light.
+  /// Chooses a light in proportion to its power. u in [0,1). Nothing where no light is worth a sample: what is black, and skies
+  /// of constant radiance, which scattering finds without noise of its own.
   std::optional<Choice> choose(double u) const;
   /// The probability that `choose` gives this light.
   float pmf(int light) const;
@@ -67,7 +67,7 @@ class Lights {
   /// Samples the direction from `ref` towards a light. Nothing where no light arrives or the sample has pdf 0.
   /// `u_primitive` chooses the primitive of a mesh; `u` the point on it. A ray that leaves the scene meets all infinite lights at
   /// once, so they are one technique: whichever of them was chosen, the sample has the radiance of all, and pmf(light) × pdf is
-  /// `environment_pdf`.
+  /// `environment_pdf`. Constant skies are never chosen.
   std::optional<LightSample> sample(int light, DVec3 ref, Vec2 u, double u_primitive) const;
 
   /// Like `choose`, among the lights that stand somewhere: point, spot and area lights. Nothing where there is none.

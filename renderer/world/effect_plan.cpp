@@ -94,7 +94,9 @@ class Planner {
         return add(kLightSampling, "light sampling", scene_.settings.max_depth > 0,
                    scene_.settings.max_depth > 0 ? "a light shines that can be aimed at" : "no path may scatter", world_.lights.where(i));
     }
-    add(kLightSampling, "light sampling", false, "no light shines that can be aimed at");
+    add(kLightSampling, "light sampling", false,
+        world_.lights.has_environment() ? "nothing shines but skies of constant radiance, which scattering finds without noise"
+                                        : "no light shines that can be aimed at");
   }
 
   /// Whether it matters where on a ray one looks at a light: seen through less than a few mean free paths.

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "renderer/core/random.h"
+#include "renderer/core/warp.h"
 
 namespace woodcock {
 namespace {
@@ -36,6 +37,15 @@ void for_each_place(const World& world, Ray ray, Use&& use) {
   }
 }
 
+/// Light of the skies in a uniform direction; sampling lights leaves a part of it to scattering.
+double sample_skies(const World& world, const Place& place, Stream& random) {
+  if (!world.lights.has_environment()) return 0;
+  const Vec3 wi = square_to_sphere(random.uniform2());
+  const double other = static_cast<double>(world.lights.environment_pdf(wi)), pdf = static_cast<double>(square_to_sphere_pdf());
+  // The balance heuristic over this and the sampling of lights.
+  return static_cast<double>(average(world.lights.environment(wi))) * place.cosine(wi) / (pdf + other);
+}
+
 /// What one sample would bring: light times cosine over density, with nothing in the way but the glowing medium itself.
 double sample_lights(const World& world, const Place& place, Stream& random) {
   const auto choice = world.lights.choose(random.uniform_double());
@@ -43,8 +53,9 @@ double sample_lights(const World& world, const Place& place, Stream& random) {
   const Vec2 u = random.uniform2();
   const auto light = world.lights.sample(choice->light, place.p, u, random.uniform_double());
   if (!light) return 0;
-  return static_cast<double>(average(light->radiance)) * place.cosine(light->wi) /
-         (static_cast<double>(choice->pmf) * static_cast<double>(light->pdf));
+  double density = static_cast<double>(choice->pmf) * static_cast<double>(light->pdf);
+  if (!light->is_bounded && !light->delta) density += static_cast<double>(square_to_sphere_pdf());
+  return static_cast<double>(average(light->radiance)) * place.cosine(light->wi) / density;
 }
 
 double sample_glow(const World& world, const Place& place, Stream& random) {
@@ -75,7 +86,7 @@ double share_of_glow(const World& world, const FilmDescription& film) {
     for (int x = 0; x < kRays; ++x) {
       const DVec2 raster((x + 0.5) / kRays * film.x_resolution, (y + 0.5) / kRays * film.y_resolution);
       for_each_place(world, world.camera.ray(raster, Vec2(0.5f), 0), [&](const Place& place) {
-        lights += sample_lights(world, place, random);
+        lights += sample_lights(world, place, random) + sample_skies(world, place, random);
         glow += sample_glow(world, place, random);
       });
     }

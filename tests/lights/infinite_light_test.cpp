@@ -67,7 +67,9 @@ TEST(InfiniteLight, SamplesFollowTheImageUnderAnyTransform) {
         Vec3 axis(0);
         axis[k] = 1;
         by_light[k].add(s ? static_cast<double>(s->radiance.b / s->pdf) * (1 + (s->wi[k] > 0)) : 0.0);
-        by_ray[k].add(static_cast<double>(lights.environment(w).b) * (1 + (w[k] > 0)) * 4 * std::numbers::pi);
+        // What is below the mean is left to scattering.
+        const bool sampled = lights.environment_pdf(w) > 0;
+        by_ray[k].add(sampled ? static_cast<double>(lights.environment(w).b) * (1 + (w[k] > 0)) * 4 * std::numbers::pi : 0);
       }
       if (s) {
         EXPECT_EQ(s->radiance, lights.environment(s->wi));
@@ -158,7 +160,46 @@ TEST(InfiniteLight, NegativePixelsAreZeroAndSaidSo) {
   EXPECT_TRUE(image_light(picture("bright.pfm", 2, {{{0, 0}, Rgb(1)}})).notes().empty());
 }
 
-TEST(InfiniteLight, SeveralSkiesAddUpAndShareTheChoice) {
+TEST(InfiniteLight, DensityIsWhatExceedsTheMean) {
+  // Sixteen pixels of mean 4: what exceeds it is 16 and 4, but for a remainder below a sixteenth of its pixel.
+  std::vector<std::pair<IVec2, Rgb>> lit = {{{0, 0}, Rgb(20)}, {{1, 0}, Rgb(8)}, {{2, 0}, Rgb(4.1f)}};
+  for (int i = 3; i < 16; ++i) lit.push_back({{i % 4, i / 4}, Rgb((64 - 32.1f) / 13)});
+  const Lights lights = image_light(picture("mean.pfm", 4, lit));
+  const auto density = [&](int x, int y) {
+    return static_cast<double>(lights.environment_pdf(Vec3(octahedral_to_sphere({(x + 0.5) / 4, (y + 0.5) / 4})))) * 4 * std::numbers::pi /
+           16;
+  };
+  EXPECT_NEAR(density(0, 0), 0.8, 1e-5);
+  EXPECT_NEAR(density(1, 0), 0.2, 1e-5);
+  EXPECT_EQ(density(2, 0), 0);
+  for (int i = 3; i < 16; ++i) EXPECT_EQ(density(i % 4, i / 4), 0);
+}
+
+TEST(InfiniteLight, ConstantSkiesAreNeverSampled) {
+  InfiniteLightDescription sky;
+  sky.radiance = Rgb(2);
+  const Lights alone = one_light(sky);
+  EXPECT_EQ(alone.environment({0, 1, 0}).g, 2);
+  EXPECT_EQ(alone.environment_pdf({0, 1, 0}), 0);
+  EXPECT_EQ(alone.pmf(0), 0);
+  EXPECT_FALSE(alone.choose(0.5));
+  // Beside a lamp every sample is the lamp's; a picture of one value is a constant sky.
+  SceneDescription scene;
+  LightDescription light;
+  light.kind = sky;
+  scene.lights.push_back(light);
+  sky.image_file = picture("grey.pfm", 2, {{{0, 0}, Rgb(0.1f)}, {{1, 0}, Rgb(0.1f)}, {{0, 1}, Rgb(0.1f)}, {{1, 1}, Rgb(0.1f)}});
+  light.kind = sky;
+  scene.lights.push_back(light);
+  light.kind = PointLightDescription{};
+  scene.lights.push_back(light);
+  const Lights lights = lights_of(scene);
+  EXPECT_EQ(lights.pmf(0), 0);
+  EXPECT_EQ(lights.pmf(1), 0);
+  EXPECT_EQ(lights.pmf(2), 1);
+}
+
+TEST(InfiniteLight, SeveralSkiesAddUp) {
   SceneDescription scene;
   LightDescription light;
   InfiniteLightDescription sky;
@@ -170,7 +211,6 @@ TEST(InfiniteLight, SeveralSkiesAddUpAndShareTheChoice) {
   scene.lights.push_back(light);
   const Lights lights = lights_of(scene);
   EXPECT_EQ(lights.environment({0, 1, 0}).g, 4);
-  EXPECT_FLOAT_EQ(lights.environment_pdf({0, 1, 0}), 0.25f * kInvPi);
   EXPECT_TRUE(lights.has_environment());
   EXPECT_FALSE(Lights().has_environment());
 }

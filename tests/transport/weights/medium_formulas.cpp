@@ -254,11 +254,12 @@ SceneFormulas::SceneFormulas(const SceneDescription& scene, const World& world) 
     if (shape.area_light) lights_.emplace_back(shape, world.space);
   double total = 0, shining = 0, bounded = 0, emitted = 0;
   for (const LightFormula& light : lights_) {
-    total += mean(light.power());
-    shining += mean(light.power()) > 0 ? 1 : 0;
+    // A constant sky is left to scattering.
+    total += light.is_infinite() ? 0 : mean(light.power());
+    shining += !light.is_infinite() && mean(light.power()) > 0 ? 1 : 0;
   }
   for (const LightFormula& light : lights_) {
-    const double power = mean(light.power());
+    const double power = light.is_infinite() ? 0 : mean(light.power());
     pmf_.push_back(power > 0 ? 0.8 * power / total + 0.2 / shining : 0);
     bounded_pmf_.push_back(light.is_bounded() ? pmf_.back() : 0);
     bounded += bounded_pmf_.back();
