@@ -57,7 +57,8 @@ Split split(const Ggx& roughness, float eta, double mu, double thickness_reflect
       if (!(cos_m > 0)) continue;
       const float f = fresnel_dielectric(cos_m, eta);
       const auto share = [&](float fraction, Vec3 wi, double thickness) {
-        return weight * static_cast<double>(fraction * roughness.g2_over_g1(wo, wi)) * crossing(thickness, static_cast<double>(abs_cos(wi)));
+        return weight * static_cast<double>(fraction * roughness.g2_over_g1(wo, wi)) *
+               crossing(thickness, static_cast<double>(abs_cos(wi)));
       };
       // What a facet sends to the wrong side is lost, as everywhere in these models.
       const Vec3 mirrored = 2 * cos_m * m - wo;
@@ -71,8 +72,7 @@ Split split(const Ggx& roughness, float eta, double mu, double thickness_reflect
 
 }  // namespace
 
-CoatTable::CoatTable(float eta, Ggx roughness, float thickness)
-    : eta_(eta), thickness_(thickness), delta_(eta == 1 || roughness.smooth()) {
+CoatTable::CoatTable(float eta, Ggx roughness, float thickness) : eta_(eta), thickness_(thickness), delta_(eta == 1 || roughness.smooth()) {
   const double n = static_cast<double>(eta), depth = static_cast<double>(thickness);
   // Inside, below the cosine of the critical angle, all is reflected (where the facets are level); above it integrals are taken
   // over the cosine μ outside, c dc = μ dμ/η², which takes the root of F at the critical angle away.

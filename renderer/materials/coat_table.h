@@ -21,8 +21,8 @@ namespace woodcock {
 /// Made at load by quadrature with fixed arithmetic: within 5e-4 of the integrals (a test compares). Immutable.
 class CoatTable {
  public:
-  /// `eta`: index of the coat over that of the outside, at least 1 for a rough coat. `roughness`: isotropic. `thickness`: mean free paths of a medium
-  /// that only absorbs.
+  /// `eta`: index of the coat over that of the outside, at least 1 for a rough coat. `roughness`: isotropic. `thickness`: mean free paths
+  /// of a medium that only absorbs.
   CoatTable(float eta, Ggx roughness, float thickness);
 
   /// t(μ), μ ∈ [0, 1].

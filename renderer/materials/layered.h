@@ -37,7 +37,7 @@ struct Coat {
   float g = 0;    ///< Henyey-Greenstein mean cosine, |g| < 1
   Rgb albedo{0};  ///< single scattering, in [0, 1]
   int max_depth = 10;
-  int samples = 1;    ///< walks averaged by one `eval`
+  int samples = 1;     ///< walks averaged by one `eval`
   bool walks = false;  ///< by walks even where there is a closed form
 
   bool scatters() const { return !is_black(albedo); }

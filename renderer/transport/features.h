@@ -44,7 +44,8 @@ inline constexpr std::array<FeatureInfo, 12> kFeatures{{
     {Feature::kRoulette, "roulette", "paths of little weight end early"},
     {Feature::kSobol, "sobol", "the first dimensions of a path are Owen-scrambled Sobol' points"},
     {Feature::kChannelMixture, "channel-mixture", "distances where extinction differs by channel come from a mixture of the channels"},
-    {Feature::kLayeredClosedForms, "layered-closed-forms", "coated surfaces are evaluated without walks where the sum over all walks is known"},
+    {Feature::kLayeredClosedForms, "layered-closed-forms",
+     "coated surfaces are evaluated without walks where the sum over all walks is known"},
 }};
 
 /// A set of features; all of them unless taken out.
