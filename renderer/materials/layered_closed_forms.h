@@ -6,11 +6,11 @@
 //   f(wo, wi) = f_coat(wo, wi) + t(wo) t(wi) / η² · ρ/π · Σ (ρ Ri)^k over k < ⌈max_depth / 2⌉
 //
 // with t and Ri of CoatTable and f_coat the microfacet reflection, or a mirror's delta lobe. Each order takes one scattering at the
-// base and one at the coat, hence half of the depth. For a smooth coat and no limit: Pharr, Jakob & Humphreys 2023, §14.3, and the
-// "plastic" of Jakob 2010 (Mitsuba, §8.2.6).
+// base and one at the coat, hence half of the depth. The sum over orders between a diffuse base and a boundary is Saunderson 1942,
+// "Calculation of the Color of Pigmented Plastics".
 //
 // Samples: the coat's lobe with the probability R / (R + D), else a cosine lobe, R the coat's reflectance from wo and D the
-// largest channel of what leaves from below. Weights of a smooth coat are at most one.
+// largest channel of what leaves from below. Weights of a smooth coat are then R + D, times t(wi) over its mean for the cosine lobe.
 //
 // **A smooth coat over a smooth metal**, nothing scattering between: a mirror of F + (1 − F)² x Σ (F x)^k over k < ⌈max_depth / 2⌉
 // with x the metal's reflectance times what the layer leaves on the way there and back.
