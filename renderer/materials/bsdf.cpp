@@ -46,4 +46,12 @@ Rgb albedo(const Bsdf& bsdf, Vec3 wo) {
   return std::visit([&](const auto& b) { return albedo(b, wo); }, bsdf);
 }
 
+void use_walks(Bsdf& bsdf) {
+  std::visit(
+      [&]<typename T>(T& b) {
+        if constexpr (kLayered<T>) b.coat.walks = true;
+      },
+      bsdf);
+}
+
 }  // namespace woodcock

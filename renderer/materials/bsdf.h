@@ -27,12 +27,12 @@ namespace woodcock {
 using Bsdf = std::variant<DiffuseBsdf, DiffuseTransmissionBsdf, ConductorBsdf, DielectricBsdf, ThinDielectricBsdf, CoatedDiffuseBsdf,
                           CoatedConductorBsdf>;
 
-/// f(wo, wi)·|cos θi|; zero for delta lobes. For layered models an unbiased estimate drawn from `layered`.
+/// f(wo, wi)·|cos θi|; zero for delta lobes. For layered models without a closed form an unbiased estimate drawn from `layered`.
 Rgb eval(const Bsdf& bsdf, Vec3 wo, Vec3 wi, Stream& layered);
 
 /// The density that multiple importance sampling uses for `sample` to give wi; deterministic, and equal to
 /// `BsdfSample::pdf` for sampled directions. Its integral is the probability of a sample that is not a delta. For layered
-/// models it is a proxy (see layered.h). Zero for delta lobes.
+/// models without a closed form it is a proxy (see layered.h). Zero for delta lobes.
 float pdf(const Bsdf& bsdf, Vec3 wo, Vec3 wi);
 
 /// Draws wi. Empty where the model absorbs or a microfacet sends the ray into the surface: the path ends.
@@ -42,8 +42,11 @@ std::optional<BsdfSample> sample(const Bsdf& bsdf, Vec3 wo, Stream& direction, S
 bool is_specular(const Bsdf& bsdf);
 
 /// The fraction of light from a uniform environment that is scattered to wo, for the albedo AOV. Exact for
-/// diffuse models, Fresnel reflectance at wo for conductors, 1 for dielectrics, and for layered ones the
-/// coat's reflectance over the bottom's albedo without multiple reflection between them.
+/// diffuse models and layered ones with a closed form, Fresnel reflectance at wo for conductors, 1 for dielectrics, and for other
+/// layered ones the coat's reflectance over the bottom's albedo without multiple reflection between them.
 Rgb albedo(const Bsdf& bsdf, Vec3 wo);
+
+/// Layered models by walks, even where they have a closed form; other models stay as they are.
+void use_walks(Bsdf& bsdf);
 
 }  // namespace woodcock

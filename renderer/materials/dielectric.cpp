@@ -9,14 +9,6 @@ namespace {
 /// Relative index of the far side for light arriving along w.
 float relative_eta(const DielectricBsdf& b, Vec3 w) { return w.z > 0 ? b.eta : 1 / b.eta; }
 
-/// wo refracted at a facet with unit normal m on wo's side (`cos_o` = wo·m > 0); empty under total reflection.
-std::optional<Vec3> refract(Vec3 wo, Vec3 m, float cos_o, float eta) {
-  if (eta == 1) return -wo;
-  const float eta_cos_t_squared = (eta - 1) * (eta + 1) + cos_o * cos_o;  // (η cos θt)², without cancellation
-  if (!(eta_cos_t_squared > 0)) return std::nullopt;
-  return glm::normalize((cos_o - std::sqrt(eta_cos_t_squared)) * m - wo);
-}
-
 /// The facet that sends wo to wi and the quantities that density and value share.
 struct Facet {
   Vec3 m;  // z > 0

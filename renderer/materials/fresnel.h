@@ -1,5 +1,7 @@
-// Fresnel's equations for unpolarised light.
+// Fresnel's equations for unpolarised light, and refraction.
 #pragma once
+
+#include <optional>
 
 #include "renderer/core/vec.h"
 
@@ -24,6 +26,15 @@ inline float fresnel_dielectric(float cos_i, float eta) {
   const float r_perpendicular = d / (a * a);
   const float r_parallel = d * (eta2 - s * (eta2 + 1)) / (b * b);
   return std::fmin(0.5f * (r_perpendicular * r_perpendicular + r_parallel * r_parallel), 1.0f);
+}
+
+/// wo refracted at a facet with unit normal m on wo's side (`cos_o` = wo·m > 0) into the side of relative index `eta`; empty
+/// under total reflection.
+inline std::optional<Vec3> refract(Vec3 wo, Vec3 m, float cos_o, float eta) {
+  if (eta == 1) return -wo;
+  const float eta_cos_t_squared = (eta - 1) * (eta + 1) + cos_o * cos_o;  // (η cos θt)², without cancellation
+  if (!(eta_cos_t_squared > 0)) return std::nullopt;
+  return glm::normalize((cos_o - std::sqrt(eta_cos_t_squared)) * m - wo);
 }
 
 /// Reflectance of a conductor of complex index eta + i·k (relative to the outside). In double: for k near 0

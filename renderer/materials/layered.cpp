@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "renderer/materials/fresnel.h"
+#include "renderer/materials/layered_closed_forms.h"
 #include "renderer/media/henyey_greenstein.h"
 
 namespace woodcock {
@@ -205,14 +206,19 @@ Rgb albedo_layered(const Coated& b, Vec3 wo) {
 
 }  // namespace
 
-Rgb eval(const CoatedDiffuseBsdf& b, Vec3 wo, Vec3 wi, Stream& layered) { return eval_layered(b.coat, b.base, wo, wi, layered); }
+Rgb eval(const CoatedDiffuseBsdf& b, Vec3 wo, Vec3 wi, Stream& layered) {
+  if (b.closed_form()) return eval_closed_form(b, wo, wi);
+  return eval_layered(b.coat, b.base, wo, wi, layered);
+}
 float pdf(const CoatedDiffuseBsdf& b, Vec3 wo, Vec3 wi) {
+  if (b.closed_form()) return pdf_closed_form(b, wo, wi);
   return same_hemisphere(wo, wi) ? mix_density(b.coat, wo.z < 0 ? -wo : wo, wo.z < 0 ? -wi : wi, kInvPi * abs_cos(wi)) : 0;
 }
 std::optional<BsdfSample> sample(const CoatedDiffuseBsdf& b, Vec3 wo, Stream& direction, Stream& layered) {
+  if (b.closed_form()) return sample_closed_form(b, wo, direction);
   return sample_layered(b.coat, b.base, wo, direction, layered, [&](Vec3 o, Vec3 i) { return pdf(b, o, i); });
 }
-Rgb albedo(const CoatedDiffuseBsdf& b, Vec3 wo) { return albedo_layered(b, wo); }
+Rgb albedo(const CoatedDiffuseBsdf& b, Vec3 wo) { return b.closed_form() ? albedo_closed_form(b, wo) : albedo_layered(b, wo); }
 
 Rgb eval(const CoatedConductorBsdf& b, Vec3 wo, Vec3 wi, Stream& layered) { return eval_layered(b.coat, b.base, wo, wi, layered); }
 float pdf(const CoatedConductorBsdf& b, Vec3 wo, Vec3 wi) {
@@ -221,8 +227,9 @@ float pdf(const CoatedConductorBsdf& b, Vec3 wo, Vec3 wi) {
   return mix_density(b.coat, wo, wi, density_below(b, wo, wi));
 }
 std::optional<BsdfSample> sample(const CoatedConductorBsdf& b, Vec3 wo, Stream& direction, Stream& layered) {
+  if (b.closed_form()) return sample_closed_form(b, wo);
   return sample_layered(b.coat, b.base, wo, direction, layered, [&](Vec3 o, Vec3 i) { return pdf(b, o, i); });
 }
-Rgb albedo(const CoatedConductorBsdf& b, Vec3 wo) { return albedo_layered(b, wo); }
+Rgb albedo(const CoatedConductorBsdf& b, Vec3 wo) { return b.closed_form() ? albedo_closed_form(b, wo) : albedo_layered(b, wo); }
 
 }  // namespace woodcock

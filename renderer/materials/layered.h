@@ -13,12 +13,16 @@
 // importance sampling stays unbiased with it: light sampling gets the weight pl/(pl + q) and a walk that leaves along wi
 // gets q/(pl + q), with the same deterministic q(wo, wi); they sum to one for every wi, and each strategy alone is
 // unbiased because eval and sample are. A poor proxy only costs variance.
+//
+// Two kinds have closed forms, the sum over the same paths, and need no walk (layered_closed_forms.h): an absorbing coat over a
+// diffuse base, and one smooth boundary over a smooth metal. Their density is exact.
 #pragma once
 
 #include <optional>
 
 #include "renderer/core/random.h"
 #include "renderer/materials/bsdf_sample.h"
+#include "renderer/materials/coat_table.h"
 #include "renderer/materials/conductor.h"
 #include "renderer/materials/dielectric.h"
 #include "renderer/materials/diffuse.h"
@@ -33,7 +37,8 @@ struct Coat {
   float g = 0;    ///< Henyey-Greenstein mean cosine, |g| < 1
   Rgb albedo{0};  ///< single scattering, in [0, 1]
   int max_depth = 10;
-  int samples = 1;  ///< walks averaged by one `eval`
+  int samples = 1;     ///< walks averaged by one `eval`
+  bool walks = false;  ///< by walks even where there is a closed form
 
   bool scatters() const { return !is_black(albedo); }
 };
@@ -41,6 +46,10 @@ struct Coat {
 struct CoatedDiffuseBsdf {
   Coat coat;
   DiffuseBsdf base;
+  /// Of a coat that only absorbs and whose roughness is isotropic, made of this coat's parameters; null elsewhere. Outlives this.
+  const CoatTable* table = nullptr;
+
+  bool closed_form() const { return table != nullptr && !coat.walks; }
 };
 Rgb eval(const CoatedDiffuseBsdf& b, Vec3 wo, Vec3 wi, Stream& layered);
 float pdf(const CoatedDiffuseBsdf& b, Vec3 wo, Vec3 wi);
@@ -52,11 +61,15 @@ Rgb albedo(const CoatedDiffuseBsdf& b, Vec3 wo);
 struct CoatedConductorBsdf {
   Coat coat;
   ConductorBsdf base;
+
+  /// Mirrors all through.
+  bool delta() const { return coat.boundary.delta() && base.roughness.smooth() && !coat.scatters(); }
+  bool closed_form() const { return delta() && !coat.walks; }
 };
 Rgb eval(const CoatedConductorBsdf& b, Vec3 wo, Vec3 wi, Stream& layered);
 float pdf(const CoatedConductorBsdf& b, Vec3 wo, Vec3 wi);
 std::optional<BsdfSample> sample(const CoatedConductorBsdf& b, Vec3 wo, Stream& direction, Stream& layered);
-inline bool is_specular(const CoatedConductorBsdf& b) { return b.coat.boundary.delta() && b.base.roughness.smooth() && !b.coat.scatters(); }
+inline bool is_specular(const CoatedConductorBsdf& b) { return b.delta(); }
 Rgb albedo(const CoatedConductorBsdf& b, Vec3 wo);
 
 }  // namespace woodcock

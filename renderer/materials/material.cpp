@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <tuple>
 
 #include "renderer/scene/scene_error.h"
 
@@ -16,6 +18,7 @@ float not_negative(float x) { return x > 0 ? x : 0; }  // NaN becomes 0 too
 struct Evaluator {
   const Textures& textures;
   const TextureContext& at;
+  const CoatTable* table = nullptr;
 
   template <typename Parameter>
   auto operator()(const Parameter& p) const {
@@ -62,7 +65,7 @@ struct Evaluator {
   std::optional<Bsdf> operator()(const DielectricDescription& d) const { return DielectricBsdf{d.eta, roughness(d.roughness)}; }
   std::optional<Bsdf> operator()(const ThinDielectricDescription& d) const { return ThinDielectricBsdf{d.eta}; }
   std::optional<Bsdf> operator()(const CoatedDiffuseDescription& d) const {
-    return CoatedDiffuseBsdf{coat(d.coat), {clamp01((*this)(d.reflectance))}};
+    return CoatedDiffuseBsdf{coat(d.coat), {clamp01((*this)(d.reflectance))}, table};
   }
   std::optional<Bsdf> operator()(const CoatedConductorDescription& d) const {
     return CoatedConductorBsdf{coat(d.coat), conductor(d.conductor, d.coat.eta)};
@@ -90,6 +93,29 @@ Materials::Materials(const SceneDescription& scene, const Textures& textures, do
   }
   std::vector<int> state(entries_.size(), 0);
   for (size_t i = 0; i < entries_.size(); ++i) link(scene, static_cast<int>(i), state);
+  tabulate_coats();
+}
+
+/// Whether one table serves all of the material: nothing of the coat comes from a texture. Whether it has a closed form is
+/// seen by its values.
+static bool is_constant(const CoatDescription& c) {
+  return c.roughness.u.texture == kNone && c.roughness.v.texture == kNone && c.thickness.texture == kNone && c.albedo.texture == kNone;
+}
+
+void Materials::tabulate_coats() {
+  std::map<std::tuple<float, float, float>, std::shared_ptr<const CoatTable>> tables;
+  for (Entry& e : entries_) {
+    const auto* coated = std::get_if<CoatedDiffuseDescription>(&e.kind);
+    if (coated == nullptr || !is_constant(coated->coat)) continue;
+    const Coat coat = Evaluator{*textures_, {}}.coat(coated->coat);
+    const Ggx& roughness = coat.boundary.roughness;
+    if (coat.scatters() || roughness.alpha_x != roughness.alpha_y) continue;
+    // Total reflection at rough facets from outside has a kink that the table's quadrature does not meet.
+    if (coat.boundary.eta < 1 && !coat.boundary.delta()) continue;
+    std::shared_ptr<const CoatTable>& table = tables[{coat.boundary.eta, roughness.alpha_x, coat.thickness}];
+    if (!table) table = std::make_shared<const CoatTable>(coat.boundary.eta, roughness, coat.thickness);
+    e.coat = table;
+  }
 }
 
 /// Fills what a mix inherits from its parts. `state`: 0 not visited, 1 being visited, 2 done.
@@ -122,7 +148,7 @@ int Materials::resolve(int material, const TextureContext& where, Stream& choice
 
 std::optional<Bsdf> Materials::bsdf(int material, const TextureContext& where, Stream& choice) const {
   const Entry& entry = at(resolve(material, where, choice));
-  return std::visit([&](const auto& d) -> std::optional<Bsdf> { return Evaluator{*textures_, where}(d); }, entry.kind);
+  return std::visit([&](const auto& d) -> std::optional<Bsdf> { return Evaluator{*textures_, where, entry.coat.get()}(d); }, entry.kind);
 }
 
 DiffuseBsdf Materials::diffuse(int material, const TextureContext& where) const {

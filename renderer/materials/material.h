@@ -1,6 +1,7 @@
 // Materials: from a point on a surface to the scattering model there.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -54,9 +55,11 @@ class Materials {
     MaterialKind kind;
     int normal_map = kNone, displacement = kNone;
     bool interface = false, perturbs = false;
+    std::shared_ptr<const CoatTable> coat = {};  ///< equal coats share one
   };
   const Entry& at(int material) const { return entries_[static_cast<size_t>(material)]; }
   void link(const SceneDescription& scene, int material, std::vector<int>& state);
+  void tabulate_coats();
 
   float scale_ = 1;
   std::vector<Entry> entries_;

@@ -293,6 +293,7 @@ class PathKernel {
       }
       const int material = world_.materials.resolve(info.material, context, crossing_);
       if (auto bsdf = world_.materials.bsdf(material, context, crossing_)) {
+        if (!settings_.features.has(Feature::kLayeredClosedForms)) use_walks(*bsdf);
         note([&] { return SurfaceScatters{s.p, -ray_.d, s.ng, s.ns, s.dpdu, material}; });
         const int joined = uses(kTouching) && here_ ? join_dielectrics(world_, *here_, member, ray_.d, medium_, crossing_, *bsdf) : kNone;
         return scatter_at_surface(s, info, *bsdf, world_.materials.shading_normal(material, context, {s.ns, s.dpdu, s.dpdv}), member,

@@ -133,7 +133,7 @@ TEST(CoatedDiffuse, SmoothCoatsMatchTheClosedForm) {
     coat.boundary = {row.eta, {}};
     coat.thickness = row.thickness;
     coat.max_depth = row.max_depth;
-    const Bsdf b = CoatedDiffuseBsdf{coat, {Rgb(row.rho)}};
+    const Bsdf b = CoatedDiffuseBsdf{coat, {Rgb(row.rho)}, nullptr};
     const double thickness = static_cast<double>(row.thickness), eta = static_cast<double>(row.eta), rho = static_cast<double>(row.rho);
     const double q = rho * diffuse_reflectance(1 / row.eta, thickness);
     double orders = 0, power = 1;
@@ -167,7 +167,8 @@ TEST(CoatedDiffuse, LosslessLayersReturnEverything) {
         coat.g = 0.5f;
         coat.albedo = Rgb(1);
         coat.max_depth = 100000;
-        EXPECT_NEAR(energy(CoatedDiffuseBsdf{coat, {Rgb(1)}}, wo, 20000), 1, 6 * 2 / std::sqrt(20000.0)) << eta << " " << thickness;
+        EXPECT_NEAR(energy(CoatedDiffuseBsdf{coat, {Rgb(1)}, nullptr}, wo, 20000), 1, 6 * 2 / std::sqrt(20000.0))
+            << eta << " " << thickness;
       }
 }
 
@@ -188,7 +189,7 @@ TEST(CoatedDiffuse, SingleScatteringInTheCoatMatchesTheClosedForm) {
   double sum = 0, squares = 0;
   const int n = 200000;
   for (int i = 0; i < n; ++i) {
-    const double v = static_cast<double>(eval(CoatedDiffuseBsdf{coat, {Rgb(0)}}, wo, wi, layered).g);
+    const double v = static_cast<double>(eval(CoatedDiffuseBsdf{coat, {Rgb(0)}, nullptr}, wo, wi, layered).g);
     sum += v, squares += v * v;
   }
   const double mean = sum / n;
@@ -214,7 +215,7 @@ TEST(CoatedConductor, SmoothOnSmoothIsOneMirrorWithTheSumOfAllReflections) {
 TEST(CoatedSurfaces, AreTheSameFromBothSides) {
   int coated = 0;
   for (const BsdfCase& c : bsdf_cases()) {
-    if (!c.layered) continue;
+    if (c.name.find("coat") == std::string::npos && c.name.find("sea") == std::string::npos) continue;
     const Vec3 wo = glm::normalize(Vec3(0.3f, -0.2f, 0.7f)), wi = glm::normalize(Vec3(0.1f, 0.6f, 0.5f));
     Stream a(11), b(11);
     EXPECT_EQ(eval(c.bsdf, wo, wi, a), eval(c.bsdf, -wo, -wi, b)) << c.name;

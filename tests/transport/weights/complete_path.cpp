@@ -25,15 +25,25 @@ Densities Densities::weights(bool mis) const {
   return {square(scattering) / all, square(light_sample) / all, square(equiangular) / all, square(emission_sample) / all};
 }
 
+namespace {
+
+SurfaceScattering surface(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi) {
+  return scatter(scene.material(vertex.material), vertex.local(vertex.wo), vertex.local(wi), vertex.closed_forms);
+}
+
+}  // namespace
+
+double scattering_tolerance(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi) {
+  return vertex.kind == LastVertex::Kind::kSurface ? surface(scene, vertex, wi).tolerance : 0;
+}
+
 std::optional<DVec3> scattering_value(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi) {
-  if (vertex.kind == LastVertex::Kind::kSurface)
-    return scatter(scene.material(vertex.material), vertex.local(vertex.wo), vertex.local(wi)).value;
+  if (vertex.kind == LastVertex::Kind::kSurface) return surface(scene, vertex, wi).value;
   return scene.medium(vertex.medium).phase(vertex.p, vertex.wo, wi).value;
 }
 
 double scattering_pdf(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi) {
-  if (vertex.kind == LastVertex::Kind::kSurface)
-    return scatter(scene.material(vertex.material), vertex.local(vertex.wo), vertex.local(wi)).pdf;
+  if (vertex.kind == LastVertex::Kind::kSurface) return surface(scene, vertex, wi).pdf;
   return scene.medium(vertex.medium).phase(vertex.p, vertex.wo, wi).pdf;
 }
 

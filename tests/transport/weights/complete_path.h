@@ -24,6 +24,7 @@ struct LastVertex {
   int scatterings_before = 0;
   // At a surface: its model and frame.
   int material = kNone;
+  bool closed_forms = true;  ///< of layered models
   DVec3 x{1, 0, 0}, y{0, 1, 0}, z{0, 0, 1};
   // In a medium: the segment that led to it, within that medium, its end if nothing had stopped it, the distance of the
   // scattering, and the share of each channel in the throughput at its start.
@@ -59,8 +60,10 @@ struct Densities {
 /// Throws TooNear where rounding decides which techniques there are.
 Densities densities(const SceneFormulas& scene, const Techniques& techniques, const LastVertex& vertex, const LightEnd& end);
 
-/// f of the vertex for the direction: |cos| included at surfaces, σs not included in media. Nothing for layered models.
+/// f of the vertex for the direction: |cos| included at surfaces, σs not included in media. Nothing for layered models by walks.
 std::optional<DVec3> scattering_value(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi);
+/// By how much tables may be off in both, relative.
+double scattering_tolerance(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi);
 /// Of the direction, by scattering.
 double scattering_pdf(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi);
 /// Of the distance t by free flight; where extinction varies, as if it had its mean everywhere.

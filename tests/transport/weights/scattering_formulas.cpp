@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <map>
 #include <numbers>
 #include <stdexcept>
+#include <tuple>
+#include <vector>
 
 namespace woodcock::testing {
 namespace {
@@ -125,8 +128,113 @@ double coated_density(const CoatDescription& coat, DVec3 wo, DVec3 wi, double be
 
 bool scatters(const CoatDescription& coat) { return !is_black(coat.albedo.value); }
 
+double crossing(double thickness, double cosine) { return thickness > 0 ? std::exp(-thickness / std::max(cosine, 1e-12)) : 1; }
+int orders(const CoatDescription& coat) { return (coat.max_depth + 1) / 2; }
+double series(double q, int n) {
+  double sum = 0;
+  for (int k = 0; k < n; ++k) sum = 1 + q * sum;
+  return sum;
+}
+
+/// An absorbing coat of isotropic roughness over something diffuse: shares of light by the cosine where it arrives.
+class CoatShares {
+ public:
+  CoatShares(double eta, double alpha, double thickness) : eta_(eta), thickness_(thickness) {
+    if (eta != 1) roughness_ = Roughness::of(alpha, alpha);
+    // Midpoints, fine enough for the root of Fresnel's formula at the critical angle.
+    const int steps = smooth() ? 20000 : 100;
+    for (int i = 0; i < steps; ++i) {
+      const double c = (i + 0.5) / steps;
+      inner_ += 2 * c * crossing(thickness, c) * shares(c, 1 / eta, thickness, 0).reflected / steps;
+    }
+    if (!smooth())
+      for (int i = 0; i <= kNodes; ++i) nodes_.push_back(shares(std::max(1e-4, square(i)), eta, 0, thickness));
+    const int fine = 20000;
+    for (int i = 0; i < fine; ++i) mean_ += 2 * (i + 0.5) / fine * at((i + 0.5) / fine).refracted / fine;
+  }
+
+  struct Shares {
+    double reflected = 0, refracted = 0;
+  };
+  Shares at(double cosine) const {
+    if (smooth()) return shares(cosine, eta_, 0, thickness_);
+    const double x = std::sqrt(cosine) * kNodes;
+    const size_t i = static_cast<size_t>(std::min(x, kNodes - 1.0));
+    const double f = x - static_cast<double>(i);
+    return {nodes_[i].reflected * (1 - f) + nodes_[i + 1].reflected * f, nodes_[i].refracted * (1 - f) + nodes_[i + 1].refracted * f};
+  }
+  /// Of diffuse light from below, what comes back; of diffuse light from above, what reaches the base.
+  double inner() const { return inner_; }
+  double mean() const { return mean_; }
+  bool smooth() const { return roughness_.smooth(); }
+
+ private:
+  static constexpr int kNodes = 200;
+  static double square(int i) { return static_cast<double>(i) * i / (kNodes * kNodes); }
+
+  /// Over the slopes of facets, all of them, each with its area towards the light: ∫ D (wo·m)+ G2 / cos θo dm.
+  Shares shares(double mu, double eta, double layer_reflected, double layer_refracted) const {
+    if (smooth()) {
+      const double f = fresnel(mu, eta), below = std::sqrt(std::max(0.0, 1 - (1 - mu * mu) / (eta * eta)));
+      return {f * crossing(layer_reflected, mu), f < 1 ? (1 - f) * crossing(layer_refracted, below) : 0};
+    }
+    const DVec3 wo(std::sqrt(1 - mu * mu), 0, mu);
+    constexpr int kSlopes = 64, kAzimuths = 64;
+    Shares sum;
+    for (int i = 0; i < kSlopes; ++i) {
+      const double v = 1 - (i + 0.5) / kSlopes, tangent = roughness_.x * std::sqrt(1 - v * v) / v, z = 1 / std::hypot(1, tangent);
+      for (int k = 0; k < kAzimuths; ++k) {
+        const double phi = kPiD * (k + 0.5) / kAzimuths;
+        const DVec3 m(tangent * z * std::cos(phi), tangent * z * std::sin(phi), z);
+        const double o = glm::dot(wo, m);
+        if (o <= 0) continue;
+        const double area = 2 * v / (kSlopes * kAzimuths) * o / (z * mu), f = fresnel(o, eta);
+        const DVec3 up = 2 * o * m - wo;
+        if (up.z > 0) sum.reflected += area * f * roughness_.g2(wo, up) * crossing(layer_reflected, up.z);
+        const double sin2 = (1 - o * o) / (eta * eta);
+        if (sin2 >= 1) continue;
+        const DVec3 down = (o / eta - std::sqrt(1 - sin2)) * m - wo / eta;
+        if (down.z < 0) sum.refracted += area * (1 - f) * roughness_.g2(wo, down) * crossing(layer_refracted, -down.z);
+      }
+    }
+    return sum;
+  }
+
+  double eta_, thickness_, inner_ = 0, mean_ = 0;
+  Roughness roughness_;
+  std::vector<Shares> nodes_;
+};
+
+bool has_closed_form(const CoatDescription& coat) {
+  const Roughness r = Roughness::of(coat.roughness);
+  return !scatters(coat) && r.x == r.y && (coat.eta >= 1 || r.smooth());
+}
+
+/// One for each coat, kept.
+const CoatShares& shares_of(const CoatDescription& coat) {
+  thread_local std::map<std::tuple<double, double, double>, CoatShares> all;
+  const double alpha = Roughness::of(coat.roughness).x, thickness = d(coat.thickness.value);
+  return all.try_emplace({d(coat.eta), alpha, thickness}, d(coat.eta), alpha, thickness).first->second;
+}
+
+/// The base and all orders of light between base and coat, over what enters.
+DVec3 from_below(const CoatedDiffuseDescription& m, const CoatShares& coat) {
+  const DVec3 r = unit_range(d(m.reflectance.value));
+  DVec3 sum;
+  for (int c = 0; c < 3; ++c) sum[c] = r[c] * series(r[c] * coat.inner(), orders(m.coat)) / (d(m.coat.eta) * d(m.coat.eta));
+  return sum;
+}
+
+/// The coat's lobe is chosen as its energy is to that of the brightest channel from below.
+double coat_probability(const CoatedDiffuseDescription& m, const CoatShares& coat, double cosine) {
+  const DVec3 below = from_below(m, coat);
+  const CoatShares::Shares s = coat.at(cosine);
+  return s.reflected / (s.reflected + s.refracted * coat.mean() * std::max({below.x, below.y, below.z}));
+}
+
 struct Scatter {
   DVec3 wo, wi;
+  bool closed_forms;
 
   SurfaceScattering operator()(const InterfaceDescription&) const { return {DVec3(0), 0}; }
   SurfaceScattering operator()(const DiffuseDescription& m) const {
@@ -152,7 +260,16 @@ struct Scatter {
   SurfaceScattering operator()(const CoatedDiffuseDescription& m) const {
     if (!same_side(wo, wi)) return {std::nullopt, 0};
     const double side = wo.z < 0 ? -1 : 1;
-    return {std::nullopt, coated_density(m.coat, side * wo, side * wi, cosine_density(wi))};
+    if (!closed_forms || !has_closed_form(m.coat)) return {std::nullopt, coated_density(m.coat, side * wo, side * wi, cosine_density(wi))};
+    const CoatShares& coat = shares_of(m.coat);
+    const double p = coat_probability(m, coat, std::abs(wo.z));
+    SurfaceScattering s{from_below(m, coat) * (coat.at(std::abs(wo.z)).refracted * coat.at(std::abs(wi.z)).refracted * cosine_density(wi)),
+                        (1 - p) * cosine_density(wi), coat.smooth() ? 1e-5 : 3e-3};
+    if (coat.smooth()) return s;
+    const Roughness roughness = Roughness::of(m.coat.roughness);
+    *s.value += rough_glass(d(m.coat.eta), roughness, side * wo, side * wi).value.value();
+    s.pdf += p * reflected_lobe_density(roughness, side * wo, side * wi);
+    return s;
   }
   SurfaceScattering operator()(const CoatedConductorDescription& m) const {
     if (!same_side(wo, wi)) return {std::nullopt, 0};
@@ -185,7 +302,19 @@ double phase_density(const PhaseDescription& phase, DVec3 wo, DVec3 wi) {
   throw std::logic_error("no formula for a tabulated phase function");
 }
 
-SurfaceScattering scatter(const MaterialKind& material, DVec3 wo, DVec3 wi) { return std::visit(Scatter{wo, wi}, material); }
+SurfaceScattering scatter(const MaterialKind& material, DVec3 wo, DVec3 wi, bool closed_forms) {
+  return std::visit(Scatter{wo, wi, closed_forms}, material);
+}
+
+bool is_mixed(const MaterialKind& material, bool closed_forms) {
+  const auto* m = std::get_if<CoatedDiffuseDescription>(&material);
+  return m != nullptr && closed_forms && has_closed_form(m->coat) && (m->coat.eta == 1 || Roughness::of(m->coat.roughness).smooth());
+}
+
+bool is_by_walks(const MaterialKind& material, bool closed_forms) {
+  if (const auto* m = std::get_if<CoatedDiffuseDescription>(&material)) return !closed_forms || !has_closed_form(m->coat);
+  return std::holds_alternative<CoatedConductorDescription>(material) && (!closed_forms || !is_delta(material));
+}
 
 bool is_delta(const MaterialKind& material) {
   if (const auto* m = std::get_if<ConductorDescription>(&material)) return Roughness::of(m->roughness).smooth();
@@ -204,6 +333,16 @@ double index_ratio(const MaterialKind& material, DVec3 wo, DVec3 wi) {
 
 DVec3 delta_factor(const MaterialKind& material, DVec3 wo, DVec3 wi) {
   if (const auto* m = std::get_if<ConductorDescription>(&material)) return Metal(*m, 1).reflectance(std::abs(wo.z));
+  const double mu = std::abs(wo.z);
+  if (const auto* m = std::get_if<CoatedDiffuseDescription>(&material))
+    return DVec3(fresnel(mu, d(m->coat.eta)) / coat_probability(*m, shares_of(m->coat), mu));
+  if (const auto* m = std::get_if<CoatedConductorDescription>(&material)) {
+    const double n = d(m->coat.eta), f = fresnel(mu, n), inside = std::sqrt(std::max(0.0, 1 - (1 - mu * mu) / (n * n)));
+    const double layer = crossing(2 * d(m->coat.thickness.value), inside);
+    DVec3 sum = Metal(m->conductor, n).reflectance(inside) * layer;
+    for (int c = 0; c < 3; ++c) sum[c] = f + (1 - f) * (1 - f) * sum[c] * series(f * sum[c], orders(m->coat));
+    return sum;
+  }
   const double eta = index_ratio(material, wo, wi);
   return DVec3(1 / (eta * eta));
 }
