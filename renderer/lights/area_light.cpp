@@ -85,6 +85,17 @@ float AreaLight::pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const {
   return static_cast<float>(std::visit([&](const auto& e) { return e.pdf(ref, hit, wi); }, emitter_));
 }
 
+LightBounds AreaLight::bounds(Box3 box) const {
+  LightBounds bounds{DVec3(box.lower), DVec3(box.upper)};
+  bounds.axes = std::visit([](const auto& e) { return e.normals(); }, emitter_);
+  bounds.cos_emission = 0;
+  bounds.two_sided = two_sided_;
+  // Radiance × area. A surface that faces all ways shows a fourth of it (Cauchy).
+  bounds.intensity = static_cast<double>(average(power())) / (std::numbers::pi * (two_sided_ ? 2 : 1));
+  if (!(bounds.axes.cos_angle > -1)) bounds.intensity /= 4;
+  return bounds;
+}
+
 Rgb AreaLight::power() const {
   if (opacity_kind_ == Opacity::kTextured) return Rgb(0);
   double total_area = 0;

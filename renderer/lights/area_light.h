@@ -22,8 +22,11 @@ class AreaLight {
   std::optional<LightSample> sample(DVec3 ref, Vec2 u, double u_primitive) const;
   Rgb emitted(const EmitterHit& hit, Vec3 wo) const;
   float pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const;
+  int shape() const { return shape_; }
   /// Render-space units; for the choice of lights black where nothing is ever sampled.
   Rgb power() const;
+  /// What it brings to a point, of a shape in this box; for the choice of lights of no intensity where nothing is ever sampled.
+  LightBounds bounds(Box3 box) const;
   /// The image, without pixels where there is none.
   const Image& image() const { return image_; }
 

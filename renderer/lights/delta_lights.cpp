@@ -66,6 +66,21 @@ double SpotLight::falloff(DVec3 direction) const {
   return smoothstep(cosine, cos_zero_, cos_full_);
 }
 
+LightBounds SpotLight::bounds() const {
+  LightBounds bounds{position_, position_, static_cast<double>(average(intensity_))};
+  // A transform that changes angles leaves no cone with this axis.
+  const glm::dmat3 m = glm::inverse(light_from_render_), product = glm::transpose(m) * m;
+  const double size = product[0][0];
+  bool keeps_angles = true;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) keeps_angles = keeps_angles && std::abs(product[i][j] - (i == j ? size : 0)) <= 1e-9 * size;
+  if (!keeps_angles || !(cos_full_ >= cos_zero_)) return bounds;
+  bounds.axes = {glm::normalize(m * axis_), cos_full_};
+  bounds.cos_emission =
+      cos_zero_ * cos_full_ + std::sqrt(std::max(0.0, 1 - cos_zero_ * cos_zero_) * std::max(0.0, 1 - cos_full_ * cos_full_));
+  return bounds;
+}
+
 std::optional<LightSample> SpotLight::sample(DVec3 ref, Vec2 /*u*/, double /*u_primitive*/) const {
   return sample_position(position_, intensity_ * static_cast<float>(falloff(ref - position_)), ref);
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "renderer/lights/light.h"
+#include "renderer/lights/light_bounds.h"
 
 namespace woodcock {
 
@@ -11,6 +12,7 @@ class PointLight {
   PointLight(const LightDescription& description, const PointLightDescription& light, const DMat4& render_from_world, double scale);
   std::optional<LightSample> sample(DVec3 ref, Vec2 u, double u_primitive) const;
   Rgb power() const { return 4 * kPi * intensity_; }
+  LightBounds bounds() const { return {position_, position_, static_cast<double>(average(intensity_))}; }
   DVec3 position() const { return position_; }
 
  private:
@@ -24,6 +26,7 @@ class SpotLight {
   SpotLight(const LightDescription& description, const SpotLightDescription& light, const DMat4& render_from_world, double scale);
   std::optional<LightSample> sample(DVec3 ref, Vec2 u, double u_primitive) const;
   Rgb power() const { return static_cast<float>(effective_solid_angle_) * intensity_; }
+  LightBounds bounds() const;
   DVec3 position() const { return position_; }
 
  private:
@@ -46,6 +49,7 @@ class DistantLight {
                float scene_radius);
   std::optional<LightSample> sample(DVec3 ref, Vec2 u, double u_primitive) const;
   Rgb power() const { return kPi * scene_radius_ * scene_radius_ * irradiance_; }
+  double irradiance() const { return static_cast<double>(average(irradiance_)); }
 
  private:
   Vec3 wi_;  // unit, towards the light

@@ -11,6 +11,7 @@
 #include "renderer/geometry/shape.h"
 #include "renderer/lights/direction_map.h"
 #include "renderer/lights/light.h"
+#include "renderer/lights/light_bounds.h"
 #include "renderer/lights/patch_geometry.h"
 
 namespace woodcock {
@@ -39,6 +40,8 @@ class MeshEmitter {
   double pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const;
   size_t primitives() const { return areas_.size(); }
   double area(size_t primitive) const { return areas_[primitive]; }
+  /// Holds all geometric normals.
+  DirectionCone normals() const;
 
  private:
   std::array<DVec3, 3> triangle(size_t i) const;
@@ -70,6 +73,8 @@ class QuadricEmitter {
   double pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const;
   size_t primitives() const { return 1; }
   double area(size_t) const { return area_; }
+  /// Holds all geometric normals; exact for a disk only.
+  DirectionCone normals() const;
 
  private:
   DVec3 object_normal(DVec3 p) const;

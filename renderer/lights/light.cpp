@@ -32,12 +32,19 @@ std::vector<double> choice_weights(const std::vector<double>& powers) {
   return weights;
 }
 
+/// What a choice can go by, of an amount of light that may have overflowed.
+double finite(double light) { return std::isfinite(light) ? std::max(light, 0.0) : static_cast<double>(std::numeric_limits<float>::max()); }
+
 /// The power of what is sampled: of a sky, what MIS compensation leaves.
 double sampled_power(const Light& light, double radius) {
   if (const auto* sky = std::get_if<InfiniteLight>(&light))
     return 4 * std::numbers::pi * std::numbers::pi * radius * radius * sky->sampled_radiance();
-  const double power = static_cast<double>(average(std::visit([](const auto& l) { return l.power(); }, light)));
-  return std::isfinite(power) ? std::max(power, 0.0) : static_cast<double>(std::numeric_limits<float>::max());
+  return finite(static_cast<double>(average(std::visit([](const auto& l) { return l.power(); }, light))));
+}
+
+LightSelection::Candidate candidate(LightBounds bounds) {
+  bounds.intensity = finite(bounds.intensity);
+  return {bounds, 0};
 }
 
 DVec3 center_of(const Shape& shape) { return DVec3(bounds_of(shape).center()); }
@@ -101,18 +108,42 @@ Lights::Lights(const SceneDescription& description, const std::vector<Shape>& sh
     if (!table->position[i]) bounded[i] = 0;
   table->choice = DiscreteDistribution(weights);
   table->bounded_choice = DiscreteDistribution(bounded);
+  std::vector<LightSelection::Candidate> candidates;
+  for (const Light& light : table->lights)
+    candidates.push_back(
+        std::visit(Overloaded{
+                       [](const DistantLight& l) {
+                         return LightSelection::Candidate{std::nullopt, finite(l.irradiance())};
+                       },
+                       [](const InfiniteLight& l) {
+                         return LightSelection::Candidate{std::nullopt, finite(4 * std::numbers::pi * l.sampled_radiance())};
+                       },
+                       [&](const AreaLight& l) { return candidate(l.bounds(bounds_of(shapes[static_cast<size_t>(l.shape())]))); },
+                       [](const auto& l) { return candidate(l.bounds()); },
+                   },
+                   light));
+  table->selection = LightSelection(candidates);
   table_ = std::move(table);
 }
 
 int Lights::size() const { return static_cast<int>(table_->lights.size()); }
 
-std::optional<Lights::Choice> Lights::choose(double u) const {
+std::optional<Lights::Choice> Lights::choose(double u, DVec3 ref, ChooseBy by) const {
+  if (by == ChooseBy::kArrival) {
+    const auto chosen = table_->selection.choose(u, ref);
+    return chosen ? std::optional(Choice{chosen->light, static_cast<float>(chosen->probability)}) : std::nullopt;
+  }
   if (!(table_->choice.total() > 0)) return std::nullopt;
   const int light = static_cast<int>(table_->choice.sample(u).index);
-  return Choice{light, pmf(light)};
+  return Choice{light, pmf(light, ref, by)};
 }
 
-float Lights::pmf(int light) const { return static_cast<float>(table_->choice.probability(static_cast<size_t>(light))); }
+float Lights::pmf(int light, DVec3 ref, ChooseBy by) const {
+  return static_cast<float>(by == ChooseBy::kArrival ? table_->selection.probability(light, ref)
+                                                     : table_->choice.probability(static_cast<size_t>(light)));
+}
+
+bool Lights::is_sampled(int light) const { return table_->choice.probability(static_cast<size_t>(light)) > 0; }
 
 std::optional<Lights::Choice> Lights::choose_bounded(double u) const {
   if (!(table_->bounded_choice.total() > 0)) return std::nullopt;
@@ -124,12 +155,12 @@ float Lights::bounded_pmf(int light) const { return static_cast<float>(table_->b
 
 DVec3 Lights::position(int light) const { return table_->position[static_cast<size_t>(light)].value_or(DVec3(0)); }
 
-std::optional<LightSample> Lights::sample(int light, DVec3 ref, Vec2 u, double u_primitive) const {
+std::optional<LightSample> Lights::sample(int light, DVec3 ref, Vec2 u, double u_primitive, ChooseBy by) const {
   const Light& model = table_->lights[static_cast<size_t>(light)];
   auto sample = std::visit([&](const auto& l) { return l.sample(ref, u, u_primitive); }, model);
   if (sample && table_->infinite.size() > 1 && std::holds_alternative<InfiniteLight>(model)) {
     sample->radiance = environment(sample->wi);
-    sample->pdf = environment_pdf(sample->wi) / pmf(light);
+    sample->pdf = environment_pdf(sample->wi, ref, by) / pmf(light, ref, by);
   }
   return sample;
 }
@@ -152,9 +183,12 @@ Rgb Lights::environment(Vec3 direction) const {
   return sum;
 }
 
-float Lights::environment_pdf(Vec3 direction) const {
+float Lights::environment_pdf(Vec3 direction, DVec3 ref, ChooseBy by) const {
   float sum = 0;
-  for (int i : table_->infinite) sum += pmf(i) * std::get<InfiniteLight>(table_->lights[static_cast<size_t>(i)]).pdf(direction);
+  for (int i : table_->infinite) {
+    const float pdf = std::get<InfiniteLight>(table_->lights[static_cast<size_t>(i)]).pdf(direction);
+    if (pdf > 0) sum += pmf(i, ref, by) * pdf;
+  }
   return sum;
 }
 

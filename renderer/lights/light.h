@@ -38,6 +38,12 @@ struct EmitterHit {
   DVec2 parameters{0};  ///< of a patch (Hit::uv): of one that folds, the layer that was met
 };
 
+/// What a light is chosen by, of all.
+enum class ChooseBy {
+  kArrival,  ///< an estimate of what arrives at the point (light_selection.h)
+  kPower     ///< emitted power, whatever the point; for comparison
+};
+
 struct LightTable;
 
 /// All lights of a scene. Immutable and thread-safe; copies share their data.
@@ -58,19 +64,21 @@ class Lights {
     int light;
     float pmf;  ///< the probability of this choice
   };
-  /// Chooses a light in proportion to its power. u in [0,1). Nothing where no light is worth a sample: what is black, and skies
-  /// of constant radiance, which scattering finds without noise of its own.
-  std::optional<Choice> choose(double u) const;
-  /// The probability that `choose` gives this light.
-  float pmf(int light) const;
+  /// Chooses one light for the point `ref`. u in [0,1). Nothing where no light is worth a sample: black ones, skies of constant
+  /// radiance, which scattering finds without noise of its own, and lights that shine away from the point.
+  std::optional<Choice> choose(double u, DVec3 ref, ChooseBy by = ChooseBy::kArrival) const;
+  /// The probability that `choose` gives this light for `ref`.
+  float pmf(int light, DVec3 ref, ChooseBy by = ChooseBy::kArrival) const;
+  /// Whether `choose` gives this light for some point.
+  bool is_sampled(int light) const;
 
   /// Samples the direction from `ref` towards a light. Nothing where no light arrives or the sample has pdf 0.
   /// `u_primitive` chooses the primitive of a mesh; `u` the point on it. A ray that leaves the scene meets all infinite lights at
   /// once, so they are one technique: whichever of them was chosen, the sample has the radiance of all, and pmf(light) × pdf is
   /// `environment_pdf`. Constant skies are never chosen.
-  std::optional<LightSample> sample(int light, DVec3 ref, Vec2 u, double u_primitive) const;
+  std::optional<LightSample> sample(int light, DVec3 ref, Vec2 u, double u_primitive, ChooseBy by = ChooseBy::kArrival) const;
 
-  /// Like `choose`, among the lights that stand somewhere: point, spot and area lights. Nothing where there is none.
+  /// Chooses by power, whatever the point, among the lights that stand somewhere: point, spot and area lights. Nothing where there is none.
   std::optional<Choice> choose_bounded(double u) const;
   /// The probability that `choose_bounded` gives this light; 0 for distant and infinite lights.
   float bounded_pmf(int light) const;
@@ -86,9 +94,9 @@ class Lights {
 
   /// Radiance of a ray that leaves the scene in this direction: the sum over the infinite lights.
   Rgb environment(Vec3 direction) const;
-  /// The sum over the infinite lights of pmf × pdf: the density with which choosing a light and sampling it gives
+  /// The sum over the infinite lights of pmf × pdf: the density with which choosing a light for `ref` and sampling it gives
   /// this direction. What MIS needs for a ray that left the scene.
-  float environment_pdf(Vec3 direction) const;
+  float environment_pdf(Vec3 direction, DVec3 ref, ChooseBy by = ChooseBy::kArrival) const;
   bool has_environment() const;
 
   /// Emitted power in render-space units (world power × scale²); an estimate for distant and infinite lights.

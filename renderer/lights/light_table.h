@@ -12,6 +12,7 @@
 #include "renderer/lights/delta_lights.h"
 #include "renderer/lights/infinite_light.h"
 #include "renderer/lights/light.h"
+#include "renderer/lights/light_selection.h"
 
 namespace woodcock {
 
@@ -21,10 +22,11 @@ struct LightTable {
   std::vector<Light> lights;
   std::vector<SourceLocation> where;
   std::vector<Rgb> power;
-  DiscreteDistribution choice, bounded_choice;
-  std::vector<std::optional<DVec3>> position;  // of bounded lights
-  std::vector<int> light_of_shape;             // empty or one per shape
-  std::vector<int> infinite;                   // indices of the infinite lights
+  LightSelection selection;                     // by what arrives
+  DiscreteDistribution choice, bounded_choice;  // by power
+  std::vector<std::optional<DVec3>> position;   // of bounded lights
+  std::vector<int> light_of_shape;              // empty or one per shape
+  std::vector<int> infinite;                    // indices of the infinite lights
 };
 
 }  // namespace woodcock

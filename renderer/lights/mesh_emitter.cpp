@@ -62,6 +62,42 @@ DVec3 MeshEmitter::orient(DVec3 normal, DVec3 shading) const {
   return glm::normalize(glm::dot(normal, shading) < 0 ? -normal : normal);
 }
 
+DirectionCone MeshEmitter::normals() const {
+  std::vector<DVec3> all;
+  DVec3 sum(0);
+  for (size_t i = 0; i < areas_.size(); ++i) {
+    if (!(areas_[i] > 0)) continue;
+    if (!patches_.empty() && !is_flat(i)) return {};
+    DVec3 normal(0);
+    if (patches_.empty()) {
+      const std::array<DVec3, 3> c = triangle(i);
+      normal = glm::cross(c[1] - c[0], c[2] - c[0]);
+    } else {
+      normal = patch_normal(patch(i), {0.5, 0.5});
+    }
+    DVec3 n = orient(normal, DVec3(0));
+    if (!normals_.empty()) {
+      // Vertex normals that disagree about the side leave it to the point.
+      int same = 0, other = 0;
+      const auto count = [&](uint32_t v) { (glm::dot(DVec3(normals_[v]), n) > 0 ? same : other) += 1; };
+      if (patches_.empty()) {
+        for (const uint32_t v : triangles_[i]) count(v);
+      } else {
+        for (const uint32_t v : patches_[i]) count(v);
+      }
+      if (same > 0 && other > 0) return {};
+      if (other > 0) n = -n;
+    }
+    all.push_back(n);
+    sum += areas_[i] * n;
+  }
+  const double length = glm::length(sum);
+  if (!(length > 0) || !std::isfinite(length)) return {};
+  DirectionCone cone{sum / length, 1};
+  for (const DVec3 n : all) cone.cos_angle = std::min(cone.cos_angle, glm::dot(n, cone.axis));
+  return cone.cos_angle > 0 ? cone : DirectionCone{};
+}
+
 std::optional<EmitterSample> MeshEmitter::sample(DVec3 ref, DVec2 u, double u_primitive) const {
   if (!(choice_.total() > 0)) return std::nullopt;
   const auto choice = choice_.sample(u_primitive);

@@ -106,6 +106,12 @@ EmitterSample QuadricEmitter::finish(DVec3 p_object, DVec3 ref) const {
   return sample;
 }
 
+DirectionCone QuadricEmitter::normals() const {
+  if (quadric_.kind != Quadric::Kind::kDisk) return {};
+  const DVec3 n = glm::transpose(glm::dmat3(quadric_.object_from_render)) * DVec3(0, 0, flip_ ? -1 : 1);
+  return {glm::normalize(n), 1};
+}
+
 std::optional<EmitterSample> QuadricEmitter::sample(DVec3 ref, DVec2 u, double /*u_primitive*/) const {
   if (!full_sphere_) {
     const DVec3 p_object = point(u);

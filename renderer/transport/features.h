@@ -23,6 +23,7 @@ enum class Feature : uint32_t {
   kSobol,
   kChannelMixture,
   kLayeredClosedForms,
+  kLightTree,
 };
 
 struct FeatureInfo {
@@ -32,7 +33,7 @@ struct FeatureInfo {
 };
 
 /// All features, in the order in which they are written to headers.
-inline constexpr std::array<FeatureInfo, 12> kFeatures{{
+inline constexpr std::array<FeatureInfo, 13> kFeatures{{
     {Feature::kEquiangular, "equiangular", "distances to bounded lights in thin media in proportion to the light that arrives"},
     {Feature::kEmissionSampling, "emission-sampling", "bricks of media that emit are sampled as lights"},
     {Feature::kLightSampling, "light-sampling", "a light is sampled at every scattering"},
@@ -46,6 +47,7 @@ inline constexpr std::array<FeatureInfo, 12> kFeatures{{
     {Feature::kChannelMixture, "channel-mixture", "distances where extinction differs by channel come from a mixture of the channels"},
     {Feature::kLayeredClosedForms, "layered-closed-forms",
      "coated surfaces are evaluated without walks where the sum over all walks is known"},
+    {Feature::kLightTree, "light-tree", "a light is chosen by an estimate of what arrives at the point, not by its power"},
 }};
 
 /// A set of features; all of them unless taken out.

@@ -374,7 +374,9 @@ class PathKernel {
                         uses(kTouching) && here_ ? &*here_ : nullptr);
   }
 
-  /// Next-event estimation: one light, chosen by power.
+  ChooseBy choose_by() const { return settings_.features.has(Feature::kLightTree) ? ChooseBy::kArrival : ChooseBy::kPower; }
+
+  /// Next-event estimation: one light, chosen by what arrives at the reference point.
   template <typename Evaluate>
   void sample_light(DVec3 reference, Evaluate&& evaluate);
 

@@ -8,11 +8,11 @@ namespace woodcock {
 template <uint32_t kMask>
 template <typename Evaluate>
 void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
-  const auto choice = world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform_double());
+  const auto choice = world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform_double(), reference, choose_by());
   if (!choice) return;
   Stream random = stream(key_, vertex_, Purpose::kLightSample);
   const Vec2 u = random.uniform2();
-  const auto light = world_.lights.sample(choice->light, reference, u, random.uniform_double());
+  const auto light = world_.lights.sample(choice->light, reference, u, random.uniform_double(), choose_by());
   if (!light || is_black(light->radiance)) return;
   Scattered scattered;
   evaluate(light->wi, scattered);
@@ -86,7 +86,8 @@ void PathKernel<kMask>::add_emission(const Hit& hit, const SurfacePoint& s, int 
   if (is_black(radiance)) return;
   float mis = 1;
   if (uses(kLightSampling) && direction_pdf_ > 0) {
-    const float light_pdf = world_.lights.pdf(light, reference_, emitter, ray_.d), sampled = world_.lights.pmf(light) * light_pdf;
+    const float light_pdf = world_.lights.pdf(light, reference_, emitter, ray_.d);
+    const float sampled = world_.lights.pmf(light, reference_, choose_by()) * light_pdf;
     mis = with_mis() ? power_heuristic(direction_pdf_, sampled, equiangular_odds(light) * light_pdf) : sampled > 0 ? 0 : 1;
   }
   add(radiance * mis, [&] {
@@ -106,7 +107,7 @@ void PathKernel<kMask>::add_environment() {
   if (!world_.lights.has_environment()) return;
   float mis = 1;
   if (uses(kLightSampling) && direction_pdf_ > 0) {
-    const float sampled = world_.lights.environment_pdf(ray_.d);
+    const float sampled = world_.lights.environment_pdf(ray_.d, reference_, choose_by());
     mis = with_mis() ? power_heuristic(direction_pdf_, sampled) : sampled > 0 ? 0 : 1;
   }
   const Rgb radiance = world_.lights.environment(ray_.d);
@@ -141,8 +142,8 @@ void PathKernel<kMask>::sample_equiangular(const Medium& medium, double t_max) {
   if (is_black(to_light)) return;
   const Rgb to_point = estimate_transmittance(medium, ray_, t, equiangular_, count_, ways_);
   const float density = pdf * choice->pmf * light->pdf, flown = flight_density(medium, shares(), t);
-  const float mis =
-      power_heuristic(density, flown * world_.lights.pmf(choice->light) * light->pdf, light->delta ? 0 : flown * phase.pdf(wo, light->wi));
+  const float mis = power_heuristic(density, flown * world_.lights.pmf(choice->light, p, choose_by()) * light->pdf,
+                                    light->delta ? 0 : flown * phase.pdf(wo, light->wi));
   add(m.sigma_s * phase.eval(wo, light->wi) * light->radiance * to_point * to_light * (mis / density), [&] {
     return LightAdded{.technique = Technique::kEquiangular,
                       .source = choice->light,

@@ -90,7 +90,7 @@ class Planner {
 
   void light_sampling() {
     for (int i = 0; i < world_.lights.size(); ++i) {
-      if (world_.lights.pmf(i) > 0)
+      if (world_.lights.is_sampled(i))
         return add(kLightSampling, "light sampling", scene_.settings.max_depth > 0,
                    scene_.settings.max_depth > 0 ? "a light shines that can be aimed at" : "no path may scatter", world_.lights.where(i));
     }

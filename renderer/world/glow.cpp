@@ -41,14 +41,14 @@ void for_each_place(const World& world, Ray ray, Use&& use) {
 double sample_skies(const World& world, const Place& place, Stream& random) {
   if (!world.lights.has_environment()) return 0;
   const Vec3 wi = square_to_sphere(random.uniform2());
-  const double other = static_cast<double>(world.lights.environment_pdf(wi)), pdf = static_cast<double>(square_to_sphere_pdf());
+  const double other = static_cast<double>(world.lights.environment_pdf(wi, place.p)), pdf = static_cast<double>(square_to_sphere_pdf());
   // The balance heuristic over this and the sampling of lights.
   return static_cast<double>(average(world.lights.environment(wi))) * place.cosine(wi) / (pdf + other);
 }
 
 /// What one sample would bring: light times cosine over density, with nothing in the way but the glowing medium itself.
 double sample_lights(const World& world, const Place& place, Stream& random) {
-  const auto choice = world.lights.choose(random.uniform_double());
+  const auto choice = world.lights.choose(random.uniform_double(), place.p);
   if (!choice) return 0;
   const Vec2 u = random.uniform2();
   const auto light = world.lights.sample(choice->light, place.p, u, random.uniform_double());

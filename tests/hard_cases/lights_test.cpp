@@ -54,8 +54,8 @@ TEST(HardCases, N49_an_environment_of_one_pixel_equals_a_constant) {
   for (int i = 0; i < 10000; ++i) {
     const Vec3 w = square_to_sphere(random.uniform2());
     EXPECT_EQ(a.environment(w), b.environment(w));
-    EXPECT_EQ(a.environment_pdf(w), 0);
-    EXPECT_EQ(b.environment_pdf(w), 0);
+    EXPECT_EQ(a.environment_pdf(w, DVec3(0)), 0);
+    EXPECT_EQ(b.environment_pdf(w, DVec3(0)), 0);
   }
   EXPECT_NEAR(a.power(0).g, b.power(0).g, 1e-5f * a.power(0).g);
 }
@@ -73,12 +73,12 @@ TEST(HardCases, N69_a_sample_of_two_skies_has_the_density_that_finds_it) {
   const Lights lights = lights_of(scene);
   Stream random(3);
   for (int i = 0; i < 2000; ++i) {
-    const auto choice = lights.choose(random.uniform_double());
+    const auto choice = lights.choose(random.uniform_double(), DVec3(0));
     ASSERT_TRUE(choice);
     const auto s = lights.sample(choice->light, DVec3(0), random.uniform2(), 0);
     if (!s) continue;
     EXPECT_EQ(s->radiance, lights.environment(s->wi));
-    EXPECT_FLOAT_EQ(choice->pmf * s->pdf, lights.environment_pdf(s->wi));
+    EXPECT_FLOAT_EQ(choice->pmf * s->pdf, lights.environment_pdf(s->wi, DVec3(0)));
   }
 }
 
@@ -93,7 +93,7 @@ TEST(HardCases, N49_one_lit_pixel_carries_its_share_of_the_sphere) {
     for (int i = 0; i < 200000; ++i) {
       const Vec3 w = square_to_sphere(random.uniform2());
       by_ray.add(static_cast<double>(lights.environment(w).g) * 4 * std::numbers::pi);
-      density.add(static_cast<double>(lights.environment_pdf(w)) * 4 * std::numbers::pi);
+      density.add(static_cast<double>(lights.environment_pdf(w, DVec3(0))) * 4 * std::numbers::pi);
     }
     EXPECT_TRUE(agree(by_ray, 3 * solid_angle));
     EXPECT_TRUE(agree(density, 1));

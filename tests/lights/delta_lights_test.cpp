@@ -126,24 +126,25 @@ TEST(LightChoice, FollowsItsProbabilitiesAndNeverChoosesABlackLight) {
   }
   const Lights lights = lights_of(scene);
   constexpr int kDraws = 1 << 16;
+  const DVec3 ref(1, 2, 3);
   std::vector<int> count(4);
   for (int i = 0; i < kDraws; ++i) {
-    const auto choice = lights.choose(static_cast<float>(i) / kDraws);
+    const auto choice = lights.choose(static_cast<float>(i) / kDraws, ref);
     ASSERT_TRUE(choice);
-    EXPECT_EQ(choice->pmf, lights.pmf(choice->light));
+    EXPECT_EQ(choice->pmf, lights.pmf(choice->light, ref));
     ++count[static_cast<size_t>(choice->light)];
   }
   float sum = 0;
   for (int i = 0; i < 4; ++i) {
-    sum += lights.pmf(i);
-    EXPECT_NEAR(count[static_cast<size_t>(i)], kDraws * static_cast<double>(lights.pmf(i)), 2) << i;
+    sum += lights.pmf(i, ref);
+    EXPECT_NEAR(count[static_cast<size_t>(i)], kDraws * static_cast<double>(lights.pmf(i, ref)), 2) << i;
   }
   EXPECT_FLOAT_EQ(sum, 1);
   EXPECT_EQ(count[1], 0);
-  EXPECT_GT(lights.pmf(3), 0.05f) << "a faint light keeps a share";
-  EXPECT_EQ(lights.choose(kOneMinusEpsilon)->light, 3);
+  EXPECT_GT(lights.pmf(3, ref), 0.03f) << "a faint light keeps a share";
+  EXPECT_EQ(lights.choose(kOneMinusEpsilon, ref)->light, 3);
   EXPECT_EQ(lights.where(2).line, 3);
-  EXPECT_FALSE(Lights().choose(0.5f));
+  EXPECT_FALSE(Lights().choose(0.5f, ref));
 }
 
 TEST(Lights, RefuseAreaLightsInObjects) {

@@ -62,18 +62,18 @@ TEST(InfiniteLight, SamplesFollowTheImageUnderAnyTransform) {
     for (int i = 0; i < 200000; ++i) {
       const auto s = lights.sample(0, Vec3(0), random.uniform2(), 0);
       const Vec3 w = square_to_sphere(random.uniform2());
-      density.add(static_cast<double>(lights.environment_pdf(w)) * 4 * std::numbers::pi);
+      density.add(static_cast<double>(lights.environment_pdf(w, DVec3(0))) * 4 * std::numbers::pi);
       for (int k = 0; k < 3; ++k) {
         Vec3 axis(0);
         axis[k] = 1;
         by_light[k].add(s ? static_cast<double>(s->radiance.b / s->pdf) * (1 + (s->wi[k] > 0)) : 0.0);
         // What is below the mean is left to scattering.
-        const bool sampled = lights.environment_pdf(w) > 0;
+        const bool sampled = lights.environment_pdf(w, DVec3(0)) > 0;
         by_ray[k].add(sampled ? static_cast<double>(lights.environment(w).b) * (1 + (w[k] > 0)) * 4 * std::numbers::pi : 0);
       }
       if (s) {
         EXPECT_EQ(s->radiance, lights.environment(s->wi));
-        EXPECT_EQ(s->pdf, lights.environment_pdf(s->wi));
+        EXPECT_EQ(s->pdf, lights.environment_pdf(s->wi, DVec3(0)));
         EXPECT_FALSE(s->is_bounded);
       }
     }
@@ -102,8 +102,8 @@ TEST(InfiniteLight, DirectionsFollowTheDensity) {
   for (int y = 0; y < kSize; ++y)
     for (int x = 0; x < kSize; ++x) {
       const DVec2 centre((x + 0.5) / kSize, (y + 0.5) / kSize);
-      const double p =
-          static_cast<double>(lights.environment_pdf(Vec3(octahedral_to_sphere(centre)))) * 4 * std::numbers::pi / (kSize * kSize);
+      const double p = static_cast<double>(lights.environment_pdf(Vec3(octahedral_to_sphere(centre)), DVec3(0))) * 4 * std::numbers::pi /
+                       (kSize * kSize);
       const double observed = count[static_cast<size_t>(y * kSize + x)], expected = p * kSamples;
       total += p;
       if (expected == 0) {
@@ -166,8 +166,8 @@ TEST(InfiniteLight, DensityIsWhatExceedsTheMean) {
   for (int i = 3; i < 16; ++i) lit.push_back({{i % 4, i / 4}, Rgb((64 - 32.1f) / 13)});
   const Lights lights = image_light(picture("mean.pfm", 4, lit));
   const auto density = [&](int x, int y) {
-    return static_cast<double>(lights.environment_pdf(Vec3(octahedral_to_sphere({(x + 0.5) / 4, (y + 0.5) / 4})))) * 4 * std::numbers::pi /
-           16;
+    return static_cast<double>(lights.environment_pdf(Vec3(octahedral_to_sphere({(x + 0.5) / 4, (y + 0.5) / 4})), DVec3(0))) * 4 *
+           std::numbers::pi / 16;
   };
   EXPECT_NEAR(density(0, 0), 0.8, 1e-5);
   EXPECT_NEAR(density(1, 0), 0.2, 1e-5);
@@ -180,9 +180,9 @@ TEST(InfiniteLight, ConstantSkiesAreNeverSampled) {
   sky.radiance = Rgb(2);
   const Lights alone = one_light(sky);
   EXPECT_EQ(alone.environment({0, 1, 0}).g, 2);
-  EXPECT_EQ(alone.environment_pdf({0, 1, 0}), 0);
-  EXPECT_EQ(alone.pmf(0), 0);
-  EXPECT_FALSE(alone.choose(0.5));
+  EXPECT_EQ(alone.environment_pdf({0, 1, 0}, DVec3(0)), 0);
+  EXPECT_EQ(alone.pmf(0, DVec3(0)), 0);
+  EXPECT_FALSE(alone.choose(0.5, DVec3(0)));
   // Beside a lamp every sample is the lamp's; a picture of one value is a constant sky.
   SceneDescription scene;
   LightDescription light;
@@ -194,9 +194,9 @@ TEST(InfiniteLight, ConstantSkiesAreNeverSampled) {
   light.kind = PointLightDescription{};
   scene.lights.push_back(light);
   const Lights lights = lights_of(scene);
-  EXPECT_EQ(lights.pmf(0), 0);
-  EXPECT_EQ(lights.pmf(1), 0);
-  EXPECT_EQ(lights.pmf(2), 1);
+  EXPECT_EQ(lights.pmf(0, DVec3(0)), 0);
+  EXPECT_EQ(lights.pmf(1, DVec3(0)), 0);
+  EXPECT_EQ(lights.pmf(2, DVec3(0)), 1);
 }
 
 TEST(InfiniteLight, SeveralSkiesAddUp) {

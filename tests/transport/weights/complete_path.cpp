@@ -10,6 +10,7 @@ namespace woodcock::testing {
 Techniques::Techniques(uint32_t effects, const PathSettings& settings) {
   const Features& on = settings.features;
   mis = on.has(Feature::kMis);
+  by_power = !on.has(Feature::kLightTree);
   light_sampling = on.has(Feature::kLightSampling) && (!settings.plan || (effects & kLightSampling) != 0);
   // Both find light again that others find, so without weights they are not used; without a plan they are not either.
   equiangular = mis && settings.plan && light_sampling && on.has(Feature::kEquiangular) && (effects & kEquiangular) != 0;
@@ -90,13 +91,13 @@ Densities densities(const SceneFormulas& scene, const Techniques& techniques, co
       vertex.kind == LastVertex::Kind::kMedium ? flight_pdf(scene.medium(vertex.medium), vertex.share, vertex.p, vertex.t) : 1;
   all.scattering *= flown;
   if (end.kind == LightEnd::Kind::kEnvironment) {
-    if (samples && techniques.light_sampling) all.light_sample = flown * scene.environment_pdf();
+    // Skies are constant here: they are never sampled.
     return all;
   }
   const LightFormula& light = scene.light(end.source);
   if (light.is_delta()) all.scattering = 0;
   const double to_light = light.pdf(vertex.p, end.primitive, end.p, end.wi);
-  if (samples && techniques.light_sampling) all.light_sample = flown * scene.pmf(end.source) * to_light;
+  if (samples && techniques.light_sampling) all.light_sample = flown * scene.pmf(end.source, vertex.p, techniques.by_power) * to_light;
   if (to_light > 0) all.equiangular = equiangular_pdf(scene, techniques, vertex, end.source) * to_light;
   return all;
 }

@@ -11,6 +11,7 @@ namespace woodcock::testing {
 /// Which techniques the render uses at all.
 struct Techniques {
   bool light_sampling = true, equiangular = true, emission_sampling = true, mis = true;
+  bool by_power = false;  ///< lights are chosen by power
 
   /// By the features of these settings, where the scene calls for `effects`.
   Techniques(uint32_t effects, const PathSettings& settings);

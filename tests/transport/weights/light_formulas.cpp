@@ -33,6 +33,7 @@ LightFormula::LightFormula(const LightDescription& light, const RenderSpace& spa
   const DMat4 to_render = space.render_from_world * light.world_from_light;
   if (const auto* l = std::get_if<PointLightDescription>(&light.kind)) {
     kind_ = Kind::kPoint;
+    include(point(to_render, l->position));
     position_ = point(to_render, l->position);
     radiance_ = DVec3(l->intensity) * (space.scale * space.scale);
     power_ = 4 * kPiD * radiance_;
@@ -40,6 +41,10 @@ LightFormula::LightFormula(const LightDescription& light, const RenderSpace& spa
     kind_ = Kind::kSpot;
     position_ = point(to_render, s->from);
     axis_ = glm::normalize(vector(to_render, s->to - s->from));
+    include(point(to_render, s->from));
+    facing_ = glm::normalize(vector(to_render, s->to - s->from));
+    spread_ = static_cast<double>(s->cone_angle - s->cone_delta_angle) * kPiD / 180;
+    reach_ = static_cast<double>(s->cone_delta_angle) * kPiD / 180;
     cos_zero_ = cosine_of_degrees(static_cast<double>(s->cone_angle));
     cos_full_ = cosine_of_degrees(static_cast<double>(s->cone_angle - s->cone_delta_angle));
     radiance_ = DVec3(s->intensity) * (space.scale * space.scale);
@@ -111,7 +116,59 @@ LightFormula::LightFormula(const ShapeDescription& shape, const RenderSpace& spa
       area_ += area(triangles_.back());
     }
   }
+  reach_ = kPiD / 2;
+  const auto include_box = [&](double r, double z0, double z1) {
+    for (int i = 0; i < 8; ++i) include(point(to_render, DVec3((i & 1) != 0 ? r : -r, (i & 2) != 0 ? r : -r, (i & 4) != 0 ? z1 : z0)));
+  };
+  if (const auto* s = std::get_if<SphereDescription>(&shape.kind)) {
+    include_box(s->radius, -s->radius, s->radius);
+  } else if (const auto* q = std::get_if<DiskDescription>(&shape.kind)) {
+    include_box(q->radius, q->height, q->height);
+    facing_ = normal(0, position_);
+    spread_ = 0;
+  } else if (const auto* c = std::get_if<CylinderDescription>(&shape.kind)) {
+    include_box(c->radius, c->z_min, c->z_max);
+  } else {
+    DVec3 sum(0);
+    for (size_t i = 0; i < triangles_.size(); ++i) {
+      for (const DVec3 corner : triangles_[i]) include(corner);
+      sum += area(triangles_[i]) * normal(static_cast<uint32_t>(i), position_);
+    }
+    double least = -1;
+    if (glm::length(sum) > 1e-6 * area_) {
+      least = 1;
+      facing_ = glm::normalize(sum);
+      for (size_t i = 0; i < triangles_.size(); ++i)
+        least = std::min(least, glm::dot(facing_, normal(static_cast<uint32_t>(i), position_)));
+    }
+    spread_ = least > 0 ? std::acos(std::min(least, 1.0)) : kPiD;
+  }
   power_ = radiance_ * (kPiD * area_ * (two_sided_ ? 2 : 1) * (opacity_ > 0 ? opacity_ : 1));
+}
+
+void LightFormula::include(DVec3 corner) {
+  lower_ = glm::min(lower_, bounded_ && delta_ && area_ == 0 ? corner : DVec3(Vec3(corner)));
+  upper_ = glm::max(upper_, bounded_ && delta_ && area_ == 0 ? corner : DVec3(Vec3(corner)));
+}
+
+double LightFormula::expected(DVec3 at) const {
+  const auto mean = [](DVec3 v) { return (v.x + v.y + v.z) / 3; };
+  if (kind_ == Kind::kInfinite) return 0;
+  if (kind_ == Kind::kDistant) return mean(radiance_);
+  // The largest intensity: radiance × area, of which a surface that faces all ways shows a fourth.
+  const bool all_ways = spread_ >= kPiD;
+  double intensity = mean(radiance_);
+  if (area_ > 0) intensity *= area_ * (opacity_ > 0 ? opacity_ : 1) * (all_ways ? 0.25 : 1);
+  const DVec3 center = (lower_ + upper_) / 2.0, half = (upper_ - lower_) * (0.5 * (1 + 1e-6)) + 1e-7 * glm::abs(center), to = at - center;
+  const double radius = glm::length(half), distance = glm::length(to);
+  if (std::abs(distance - radius) < 1e-5 * radius) throw TooNear{};
+  if (distance < radius) return intensity / (radius * radius);
+  double angle = std::acos(std::clamp(glm::dot(facing_, to) / distance, -1.0, 1.0));
+  if (two_sided_) angle = std::min(angle, kPiD - angle);
+  const double beyond = all_ways ? 0 : std::max(0.0, angle - spread_ - std::asin(radius / distance));
+  if (!all_ways && std::abs(beyond - reach_) < 1e-4 + 2e-3 * (reach_ < 0.1 ? 1 : 0)) throw TooNear{};
+  if (!all_ways && beyond > reach_) return 0;
+  return intensity * std::max(std::cos(beyond), 0.05) / (distance * distance);
 }
 
 DVec3 LightFormula::normal(uint32_t primitive, DVec3 p) const {

@@ -303,11 +303,28 @@ SceneFormulas::SceneFormulas(const SceneDescription& scene, const World& world) 
   for (double& p : emissive_pmf_) p = emitted > 0 ? p / emitted : 0;
 }
 
-double SceneFormulas::environment_pdf() const {
-  double sum = 0;
-  for (int i = 0; i < lights(); ++i)
-    if (light(i).is_infinite()) sum += pmf(i) * light(i).pdf(DVec3(0), 0, DVec3(0), DVec3(0));
-  return sum;
+double SceneFormulas::pmf(int light, DVec3 at, bool by_power) const {
+  if (by_power) return pmf_[static_cast<size_t>(light)];
+  double bounded = 0, infinite = 0;
+  int shining = 0, distant = 0, sampled = 0;
+  for (const LightFormula& l : lights_) {
+    if (l.is_infinite() || !(mean(l.power()) > 0)) continue;
+    ++sampled;
+    const double expected = l.expected(at);
+    (l.is_bounded() ? bounded : infinite) += expected;
+    (l.is_bounded() ? shining : distant) += expected > 0 ? 1 : 0;
+  }
+  const LightFormula& chosen = lights_[static_cast<size_t>(light)];
+  if (chosen.is_infinite() || !(mean(chosen.power()) > 0)) return 0;
+  if (sampled > 16) throw std::logic_error("no formula for a tree of lights");
+  if (sampled == 1) return 1;
+  // A tenth of the choices is even: between the two kinds, and within each.
+  double of_infinite = distant == 0 ? 0 : 1;
+  if (distant > 0 && shining > 0) of_infinite = 0.9 * infinite / (infinite + bounded) + 0.05;
+  const double expected = chosen.expected(at);
+  if (!(expected > 0)) return 0;
+  if (chosen.is_bounded()) return (1 - of_infinite) * (0.9 * expected / bounded + 0.1 / shining);
+  return of_infinite * (0.9 * expected / infinite + 0.1 / distant);
 }
 
 DVec3 SceneFormulas::environment() const {

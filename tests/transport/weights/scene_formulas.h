@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <numbers>
 #include <optional>
 #include <variant>
 #include <vector>
@@ -24,6 +25,8 @@ class LightFormula {
   LightFormula(const ShapeDescription& shape, const RenderSpace& space);
 
   DVec3 power() const { return power_; }
+  /// The irradiance that the choice of a light expects at a point; 0 where none can arrive. Throws TooNear.
+  double expected(DVec3 at) const;
   /// Point and spot lights, lights on shapes.
   bool is_bounded() const { return bounded_; }
   bool is_infinite() const { return kind_ == Kind::kInfinite; }
@@ -43,6 +46,9 @@ class LightFormula {
   enum class Kind { kPoint, kSpot, kDistant, kInfinite, kSphere, kDisk, kCylinder, kTriangles };
 
   double triangle_pdf(const std::array<DVec3, 3>& corner, DVec3 from, DVec3 p) const;
+  /// The box around what emits, corner by corner, in float as the renderer's.
+  void include(DVec3 corner);
+
   DVec3 normal(uint32_t primitive, DVec3 p) const;
   /// The triangle that p was sampled from: the primitive, or the half of a patch. Throws TooNear.
   const std::array<DVec3, 3>& triangle(uint32_t primitive, DVec3 p) const;
@@ -51,6 +57,9 @@ class LightFormula {
   bool bounded_ = true, delta_ = true, two_sided_ = false, flip_ = false, patch_ = false;
   DVec3 position_{0}, power_{0}, radiance_{0}, axis_{0, 0, 1};
   double cos_full_ = 1, cos_zero_ = 1, opacity_ = 1, radius_ = 1, area_ = 0;
+  DVec3 lower_{1e300}, upper_{-1e300}, facing_{0, 0, 1};
+  /// All axes of emission are within the spread of facing_, all emission within the reach of its axis; radians.
+  double spread_ = std::numbers::pi, reach_ = 0, intensity_ = 0;
   std::vector<std::array<DVec3, 3>> triangles_;
 };
 
@@ -127,11 +136,10 @@ class SceneFormulas {
   int lights() const { return static_cast<int>(lights_.size()); }
   const MediumFormula& medium(int i) const { return media_[static_cast<size_t>(i)]; }
   const MaterialKind& material(int i) const { return scene_.materials[static_cast<size_t>(i)].kind; }
-  double pmf(int light) const { return pmf_[static_cast<size_t>(light)]; }
+  /// Of choosing the light for a point, by what is expected there or by power. Throws TooNear.
+  double pmf(int light, DVec3 at, bool by_power) const;
   double bounded_pmf(int light) const { return bounded_pmf_[static_cast<size_t>(light)]; }
   double emissive_pmf(int medium) const { return emissive_pmf_[static_cast<size_t>(medium)]; }
-  /// Of all lights at infinity, the choice included.
-  double environment_pdf() const;
   DVec3 environment() const;
 
   /// The medium around a point, kNone for vacuum; nothing within `margin` of a boundary.
