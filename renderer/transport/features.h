@@ -22,6 +22,7 @@ enum class Feature : uint32_t {
   kRoulette,
   kSobol,
   kChannelMixture,
+  kDielectricBoundaries,
 };
 
 struct FeatureInfo {
@@ -31,7 +32,7 @@ struct FeatureInfo {
 };
 
 /// All features, in the order in which they are written to headers.
-inline constexpr std::array<FeatureInfo, 11> kFeatures{{
+inline constexpr std::array<FeatureInfo, 12> kFeatures{{
     {Feature::kEquiangular, "equiangular", "distances to bounded lights in thin media in proportion to the light that arrives"},
     {Feature::kEmissionSampling, "emission-sampling", "bricks of media that emit are sampled as lights"},
     {Feature::kLightSampling, "light-sampling", "a light is sampled at every scattering"},
@@ -43,6 +44,7 @@ inline constexpr std::array<FeatureInfo, 11> kFeatures{{
     {Feature::kRoulette, "roulette", "paths of little weight end early"},
     {Feature::kSobol, "sobol", "the first dimensions of a path are Owen-scrambled Sobol' points"},
     {Feature::kChannelMixture, "channel-mixture", "distances where extinction differs by channel come from a mixture of the channels"},
+    {Feature::kDielectricBoundaries, "dielectric-boundaries", "lights are sampled through the surface of spheres of smooth glass"},
 }};
 
 /// A set of features; all of them unless taken out.

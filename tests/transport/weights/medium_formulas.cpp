@@ -293,6 +293,15 @@ SceneFormulas::SceneFormulas(const SceneDescription& scene, const World& world) 
         body.upper = glm::max(body.upper, point(to_render, p));
       }
     }
+    if (const auto* glass = std::get_if<DielectricDescription>(&scene.materials[static_cast<size_t>(shape.material)].kind);
+        glass != nullptr && glass->roughness.u.value == 0 && glass->roughness.v.value == 0)
+      body.eta = static_cast<double>(glass->eta);
+    // Which of them are worth while, and whether anything stands inside, is the world's to say.
+    for (const DielectricSphere& found : world.dielectric_spheres)
+      if (body.sphere && glm::distance(found.sphere.center, body.center) < 0.5 * body.radius) {
+        body.samples_refraction = true;
+        body.is_empty = found.is_empty;
+      }
     bodies_.push_back(body);
   }
   emissive_pmf_.resize(media_.size());
@@ -301,6 +310,16 @@ SceneFormulas::SceneFormulas(const SceneDescription& scene, const World& world) 
       emissive_pmf_[static_cast<size_t>(body.inside)] = medium(body.inside).emitted_power();
   for (const double p : emissive_pmf_) emitted += p;
   for (double& p : emissive_pmf_) p = emitted > 0 ? p / emitted : 0;
+}
+
+const Body* SceneFormulas::glass_around(DVec3 p) const {
+  for (const Body& body : bodies_) {
+    if (!body.samples_refraction || body.eta == 1) continue;
+    const double inside = body.radius - glm::distance(p, body.center);
+    if (std::abs(inside) < 1e-6) throw TooNear{};
+    if (inside > 0) return &body;
+  }
+  return nullptr;
 }
 
 double SceneFormulas::environment_pdf() const {

@@ -30,6 +30,8 @@ class LightFormula {
   /// No ray finds it by chance.
   bool is_delta() const { return delta_; }
   DVec3 position() const { return position_; }
+  /// Of the surface, with either sign.
+  DVec3 normal(uint32_t primitive, DVec3 p) const;
 
   /// Per steradian at `from`, of sampling the point p of this primitive (delta lights: 1) in the direction wi. Throws TooNear.
   double pdf(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi) const;
@@ -43,7 +45,6 @@ class LightFormula {
   enum class Kind { kPoint, kSpot, kDistant, kInfinite, kSphere, kDisk, kCylinder, kTriangles };
 
   double triangle_pdf(const std::array<DVec3, 3>& corner, DVec3 from, DVec3 p) const;
-  DVec3 normal(uint32_t primitive, DVec3 p) const;
   /// The triangle that p was sampled from: the primitive, or the half of a patch. Throws TooNear.
   const std::array<DVec3, 3>& triangle(uint32_t primitive, DVec3 p) const;
 
@@ -114,6 +115,9 @@ struct Body {
   DVec3 center{0}, lower{0}, upper{0};
   double radius = 0;
   int inside = kNone;
+  double eta = 1;                   ///< of smooth glass around it; 1 where there is none, or where it is rough
+  bool samples_refraction = false;  ///< light is sampled through it
+  bool is_empty = true;             ///< nothing but the medium is inside
 
   /// Where a ray is inside; empty where first >= second.
   std::pair<double, double> chord(DVec3 o, DVec3 d) const;
@@ -136,6 +140,8 @@ class SceneFormulas {
 
   /// The medium around a point, kNone for vacuum; nothing within `margin` of a boundary.
   std::optional<int> medium_at(DVec3 p, double margin) const;
+  /// The sphere of smooth glass around a point, if light is sampled through it. Throws TooNear.
+  const Body* glass_around(DVec3 p) const;
   /// Through all media along the way, and the depth in its densest channel; nothing where it is known by an estimate only.
   struct Way {
     DVec3 transmittance;
