@@ -42,6 +42,26 @@ class Arrival {
   /// u = π − asin(sin t / ηa), with t from 0 (u = π) to π/2 (total reflection).
   Value far(double t) const { return at(t, -1); }
 
+  /// Where far(t) has its minimum; 0 where it has none. With w = cos t the slope has the sign of 1 − Σ c w/√(1 − c² + c² w²), which is
+  /// convex and falls from 1 at w = 0: Newton's steps from there come nearer and never pass the zero.
+  double minimum() const {
+    if (u_ + i_ + y_ <= 1) return 0;
+    double w = 0;
+    for (int k = 0; k < 24; ++k) {
+      double value = 1, slope = 0;
+      for (const double c : {u_, i_, y_}) {
+        const double rest = (1 - c) * (1 + c), square = rest + c * c * w * w, size = std::sqrt(square);
+        value -= c * w / size;
+        slope -= c * rest / (square * size);
+      }
+      const double step = -value / slope;
+      // A term of c = 1 is a step at w = 0.
+      if (!(step > 0x1p-26) || !std::isfinite(step)) break;
+      w = std::min(1.0, w + step);
+    }
+    return std::acos(w);
+  }
+
  private:
   /// `way`: 0 where u = t, else the sign of du/dt.
   Value at(double t, int way) const {
@@ -64,36 +84,23 @@ class Arrival {
   double u_, i_, t_, y_;  ///< what sin t is multiplied by to give the sines of u, of both angles at v and of the angle at y
 };
 
-/// The root of h(t) = target between lo and hi, where h goes monotonously from below to above or the other way round: Newton's steps,
-/// halved brackets where they lead out.
+/// The root of h(t) = target between lo and hi, where h grows from below the target to above it, or the other way round: Newton's steps
+/// from `t`, halved brackets where they lead out.
 template <typename Function>
-double root(Function&& h, double lo, double hi, double target) {
-  const bool grows = h(hi).h > h(lo).h;
-  double t = 0.5 * (lo + hi);
+double root(Function&& h, double lo, double hi, bool grows, double t, double target) {
   for (int i = 0; i < 80; ++i) {
     const auto value = h(t);
     const double off = value.h - target;
     ((off < 0) == grows ? lo : hi) = t;
-    const double step = off / value.slope;
-    double next = t - step;
+    double next = t - off / value.slope;
+    const bool inside = next > lo && next < hi;
     // A step that leaves the bracket, or that is no number.
-    if (!(next > lo && next < hi)) next = 0.5 * (lo + hi);
-    if (std::abs(next - t) <= 0x1p-52 * t || next == lo || next == hi) return next;
+    if (!inside) next = 0.5 * (lo + hi);
+    // The error of Newton's next step is of the size of the square of this one.
+    if (next == lo || next == hi || std::abs(next - t) <= (inside ? 0x1p-30 : 0x1p-52) * t) return next;
     t = next;
   }
   return t;
-}
-
-/// Where far(t) has its minimum; 0 where it has none.
-double minimum(const Arrival& arrival) {
-  constexpr double kHalf = kPi64 / 2;
-  if (!(arrival.far(0).slope < 0)) return 0;
-  double lo = 0, hi = kHalf;
-  for (int i = 0; i < 48; ++i) {
-    const double middle = 0.5 * (lo + hi);
-    (arrival.far(middle).slope < 0 ? lo : hi) = middle;
-  }
-  return 0.5 * (lo + hi);
 }
 
 }  // namespace
@@ -134,15 +141,17 @@ RefractedWays refracted_ways(const Sphere& sphere, double eta, DVec3 x, DVec3 y)
   const auto near = [&](double t) { return arrival.near(t); };
   const auto far = [&](double t) { return arrival.far(t); };
   if (!arrival.reflects()) {
-    add(near(root(near, 0, kPi64, psi)), 1);
+    add(near(root(near, 0, kPi64, true, psi, psi)), 1);
     return result;
   }
   constexpr double kHalf = kPi64 / 2;
-  if (psi <= near(kHalf).h) add(near(root(near, 0, kHalf, psi)), 1);
-  const double lowest = minimum(arrival), least = far(lowest).h, last = far(kHalf).h;
-  if (lowest > 0 && psi >= least) add(far(root(far, 0, lowest, psi)), 1);
-  if (psi >= least && psi <= last) add(far(root(far, lowest, kHalf, psi)), 1);
-  if (2 * kPi64 - psi <= last && 2 * kPi64 - psi >= least) add(far(root(far, lowest, kHalf, 2 * kPi64 - psi)), -1);
+  if (const double last = near(kHalf).h; psi <= last) add(near(root(near, 0, kHalf, true, kHalf * (psi / last), psi)), 1);
+  const double lowest = arrival.minimum(), least = lowest > 0 ? far(lowest).h : kPi64, last = far(kHalf).h;
+  const auto middle = [](double lo, double hi) { return 0.5 * (lo + hi); };
+  if (lowest > 0 && psi >= least) add(far(root(far, 0, lowest, false, middle(0, lowest), psi)), 1);
+  if (psi >= least && psi <= last) add(far(root(far, lowest, kHalf, true, middle(lowest, kHalf), psi)), 1);
+  const double other = 2 * kPi64 - psi;
+  if (other <= last) add(far(root(far, lowest, kHalf, true, middle(lowest, kHalf), other)), -1);
   return result;
 }
 

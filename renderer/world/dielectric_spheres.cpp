@@ -50,7 +50,7 @@ class Finder {
     if (quadric == nullptr || !std::holds_alternative<SphereDescription>(description.kind)) return;
     if (quadric->z_min > -quadric->radius || quadric->z_max < quadric->radius) return;
     if (std::get<SphereDescription>(description.kind).phi_max < 360) return;
-    if (info.is_interface || info.passes_shadows || info.light != kNone || info.has_company()) return;
+    if (info.is_interface || info.passes_shadows || info.light != kNone) return;
     const float eta = smooth_index(scene_, info.material);
     const DMat4 placed = render_from_space * quadric->render_from_object;
     const std::optional<double> scale = uniform_scale(placed);

@@ -410,12 +410,14 @@ void PathCheck::check_value(const LightAdded& e, const LastVertex& vertex, const
   const bool bounded =
       end.kind == LightEnd::Kind::kEmission || (end.kind == LightEnd::Kind::kShape && scene_.light(end.source).is_bounded());
   const double length = bounded ? glm::distance(end.p, vertex.p) : 1e30;
-  auto way = scene_.way(vertex.p, end.wi, length);
+  const auto found = scene_.way(vertex.p, end.wi, length);
+  bool known = found.has_value();
+  SceneFormulas::Way way = found.value_or(SceneFormulas::Way{DVec3(1), 0});
   double factor = 1;
   if (end.refracted) {
     const ThroughGlass glass = through_glass(vertex, end);
-    way.reset();
-    if (glass.transmittance) way = SceneFormulas::Way{*glass.transmittance, glass.depth};
+    known = glass.transmittance.has_value();
+    way = {glass.transmittance.value_or(DVec3(1)), glass.depth};
     factor = glass.boundary / glass.survival;
   }
   for (int i = 0; i < 4; ++i) {
@@ -424,9 +426,9 @@ void PathCheck::check_value(const LightAdded& e, const LastVertex& vertex, const
     nudge(i, v, n);
     if (end.refracted) {
       const ThroughGlass other = through_glass(v, n);
-      slack += 2 * std::abs(other.boundary / other.survival / factor - 1) + (way ? 2 * std::abs(other.depth - way->depth) : 0);
-    } else if (way)
-      slack += 2 * std::abs(scene_.way(v.p, n.wi, length).value_or(*way).depth - way->depth);
+      slack += 2 * std::abs(other.boundary / other.survival / factor - 1) + (known ? 2 * std::abs(other.depth - way.depth) : 0);
+    } else if (known)
+      slack += 2 * std::abs(scene_.way(v.p, n.wi, length).value_or(way).depth - way.depth);
     const double change = largest(scattering_value(scene_, v, n.wi).value_or(DVec3(0)) - *f);
     if (change > 0 && largest(*f) == 0) throw TooNear{};  // on the horizon
     if (change > 0) slack += 2 * change / largest(*f);
@@ -434,20 +436,20 @@ void PathCheck::check_value(const LightAdded& e, const LastVertex& vertex, const
   DVec3 value = *f * radiance * factor, transmittance = e.transmittance;
   if (e.technique == Technique::kEquiangular) value *= scene_.medium(vertex.medium).sigma_s(vertex.p);
   // The way to the light in closed form, where it has one.
-  if (way && e.technique == Technique::kEquiangular) {
+  if (known && e.technique == Technique::kEquiangular) {
     const MediumFormula& medium = scene_.medium(vertex.medium);
     if (medium.is_homogeneous()) {
       const DVec3 depth = medium.sigma_t(vertex.p) * e.t;
-      way->transmittance *= glm::exp(-depth);
-      way->depth += largest(depth);
+      way.transmittance *= glm::exp(-depth);
+      way.depth += largest(depth);
     } else {
-      way.reset();
+      known = false;
     }
   }
-  if (way && (way->depth == 0 || (settings_.plan && has(Feature::kClosedForms)))) {
+  if (known && (way.depth == 0 || (settings_.plan && has(Feature::kClosedForms)))) {
     ++report_->exact_values;
-    transmittance = way->transmittance;
-    slack += 1e-5 * (1 + way->depth);
+    transmittance = way.transmittance;
+    slack += 1e-5 * (1 + way.depth);
   }
   compare("the value of a light sample", e.added, so_far_.beta() * value * transmittance * (weight / density), slack,
           &report_->value_deviation);
