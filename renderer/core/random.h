@@ -31,6 +31,7 @@ enum class Purpose : uint32_t {
   kEquiangular = 12,
   kEmission = 13,
   kBranching = 14,
+  kRefraction = 15,  ///< roulette of light samples through smooth glass
 };
 
 /// A bijective 64-bit mixer (Stafford's variant 13 of the MurmurHash3 finaliser).

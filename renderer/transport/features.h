@@ -24,6 +24,7 @@ enum class Feature : uint32_t {
   kChannelMixture,
   kLayeredClosedForms,
   kLightTree,
+  kDielectricBoundaries,
 };
 
 struct FeatureInfo {
@@ -33,7 +34,7 @@ struct FeatureInfo {
 };
 
 /// All features, in the order in which they are written to headers.
-inline constexpr std::array<FeatureInfo, 13> kFeatures{{
+inline constexpr std::array<FeatureInfo, 14> kFeatures{{
     {Feature::kEquiangular, "equiangular", "distances to bounded lights in thin media in proportion to the light that arrives"},
     {Feature::kEmissionSampling, "emission-sampling", "bricks of media that emit are sampled as lights"},
     {Feature::kLightSampling, "light-sampling", "a light is sampled at every scattering"},
@@ -48,6 +49,7 @@ inline constexpr std::array<FeatureInfo, 13> kFeatures{{
     {Feature::kLayeredClosedForms, "layered-closed-forms",
      "coated surfaces are evaluated without walks where the sum over all walks is known"},
     {Feature::kLightTree, "light-tree", "a light is chosen by an estimate of what arrives at the point, not by its power"},
+    {Feature::kDielectricBoundaries, "dielectric-boundaries", "lights are sampled through the surface of spheres of smooth glass"},
 }};
 
 /// A set of features; all of them unless taken out.

@@ -5,6 +5,7 @@
 #include "renderer/transport/path_kernel.h"
 #include "renderer/transport/path_kernel_light.h"
 #include "renderer/transport/path_kernel_media.h"
+#include "renderer/transport/path_kernel_refraction.h"
 
 namespace woodcock {
 

@@ -339,6 +339,10 @@ class PathKernel {
     beta_ *= sample->weight;
     if (is_black(beta_)) return false;
     if (sample->transmission) eta_scale_ *= sample->eta * sample->eta;
+    if (uses(kRefractedLight)) {
+      refraction_.reset();
+      if (sample->specular && sample->transmission && direction_pdf_ > 0) refraction_ = {&info, reference_, s.p, direction_pdf_};
+    }
     const Vec3 wi = glm::normalize(frame.to_world(sample->wi));
     medium_ = medium_after_leaving(info, s.ng, wi, joined, sample->transmission);
     leave(member, wi, joined, sample->transmission);
@@ -395,6 +399,41 @@ class PathKernel {
     if (!(ahead > 0x1p-40 * glm::dot(glm::abs(n), glm::abs(light.p) + glm::abs(ray.o)))) return std::nullopt;
     return distance;
   }
+
+  // --- light through smooth glass --------------------------------------------------------------------------
+
+  /// A scattering at `from`, in a direction of density `pdf`, that smooth glass refracted at v before anything else scattered.
+  struct Refraction {
+    const SurfaceInfo* info;
+    DVec3 from, v;
+    float pdf;
+  };
+
+  /// Below this transmittance roulette decides whether a sample through glass is worth a shadow ray.
+  static constexpr double kRefractionRoulette = 0.25;
+
+  /// A light sample outside of the glass that is around the reference point: all ways that lead there by one refraction,
+  ///   f(x, wi) T(x, v) (1 − F) η² T(v, y) Le dω/dA,
+  /// over the density of y by area. With dω/dω′, the solid angle around the refracted direction over that around the straight one, this is
+  /// a density in solid angle again.
+  template <typename Evaluate>
+  void sample_through_glass(const DielectricSphere& body, const Lights::Choice& choice, const LightSample& light, DVec3 reference,
+                            Evaluate&& evaluate);
+
+  /// Light from there meets the glass from outside.
+  static bool is_outside(const DielectricSphere& body, const LightSample& light) {
+    return !light.is_bounded || length_squared(light.p - body.sphere.center) > body.sphere.radius * body.sphere.radius;
+  }
+
+  /// dω/dω′ of a way to the point p on a light with the normal n.
+  static double solid_angle_ratio(const RefractedWay& way, DVec3 from, DVec3 p, DVec3 n) {
+    const DVec3 straight = p - from;
+    const double d2 = length_squared(straight);
+    return way.solid_angle_per_area * std::abs(glm::dot(way.wo, n)) * d2 * std::sqrt(d2) / std::abs(glm::dot(straight, n));
+  }
+
+  /// The MIS weight of light met after a refraction: solved again, so that a way that the solver does not find has the weight 1.
+  float refraction_weight(const Refraction& refraction, const EmitterHit& emitter, int light) const;
 
   /// A point of an emitting grid, its bricks chosen by power: ∫ f T σa Le dω dt over the points of the medium.
   template <typename Evaluate>
@@ -498,7 +537,8 @@ class PathKernel {
   /// have given it (camera, specular).
   DVec3 reference_{0};
   float direction_pdf_ = 0;
-  double travelled_ = 0;  ///< since the last scattering, render units
+  std::optional<Refraction> refraction_;  ///< that led to the last vertex, after a scattering that sampled lights
+  double travelled_ = 0;                  ///< since the last scattering, render units
   /// The surfaces where the path stands, if others may coincide with the one it met.
   std::optional<Junction> here_;
   bool first_seen_ = false;

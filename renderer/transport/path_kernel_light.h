@@ -14,6 +14,10 @@ void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
   const Vec2 u = random.uniform2();
   const auto light = world_.lights.sample(choice->light, reference, u, random.uniform_double(), choose_by());
   if (!light || is_black(light->radiance)) return;
+  if (uses(kRefractedLight)) {
+    if (const DielectricSphere* body = world_.dielectric_around(reference); body != nullptr && is_outside(*body, *light))
+      return sample_through_glass(*body, *choice, *light, reference, evaluate);
+  }
   Scattered scattered;
   evaluate(light->wi, scattered);
   if (is_black(scattered.value)) return;
@@ -89,6 +93,8 @@ void PathKernel<kMask>::add_emission(const Hit& hit, const SurfacePoint& s, int 
     const float light_pdf = world_.lights.pdf(light, reference_, emitter, ray_.d);
     const float sampled = world_.lights.pmf(light, reference_, choose_by()) * light_pdf;
     mis = with_mis() ? power_heuristic(direction_pdf_, sampled, equiangular_odds(light) * light_pdf) : sampled > 0 ? 0 : 1;
+  } else if (uses(kRefractedLight) && refraction_) {
+    mis = refraction_weight(*refraction_, emitter, light);
   }
   add(radiance * mis, [&] {
     return LightAdded{.technique = Technique::kScattering,

@@ -185,6 +185,7 @@ bool PathKernel<kMask>::scatter_in_medium(double t, DVec3 p) {
   ray_ = {p, sample.wi, ray_.time};
   beta_ *= sample.weight;
   direction_pdf_ = sample.pdf;
+  if (uses(kRefractedLight)) refraction_.reset();
   note([&] { return DirectionTaken{sample.wi, sample.pdf, beta_}; });
   after_scattering(p);
   return survives_roulette();

@@ -14,13 +14,14 @@ inline constexpr uint32_t kRecorded = 1u << 31;
 
 /// How light was found.
 enum class Technique {
-  kScattering,      ///< a direction of the camera, a BSDF or a phase function met an area light
-  kEnvironment,     ///< ... left the scene
-  kCollision,       ///< ... met emission at a tentative collision
-  kSegment,         ///< ... crossed homogeneous emission, in closed form
-  kLightSample,     ///< a light was sampled from the last vertex
-  kEquiangular,     ///< ... from a point at an equiangular distance on the segment
-  kEmissionSample,  ///< a point of an emitting medium was sampled from the last vertex
+  kScattering,       ///< a direction of the camera, a BSDF or a phase function met an area light
+  kEnvironment,      ///< ... left the scene
+  kCollision,        ///< ... met emission at a tentative collision
+  kSegment,          ///< ... crossed homogeneous emission, in closed form
+  kLightSample,      ///< a light was sampled from the last vertex
+  kEquiangular,      ///< ... from a point at an equiangular distance on the segment
+  kEmissionSample,   ///< a point of an emitting medium was sampled from the last vertex
+  kRefractedSample,  ///< a light was sampled from the last vertex through the surface of smooth glass around it
 };
 
 // Positions, directions and lengths are those of render space; β is the throughput.
@@ -62,6 +63,7 @@ struct LightAdded {
   uint32_t primitive = 0;  ///< of an area light
   DVec3 from{0}, wi{0};    ///< the vertex it is scattered at and the direction towards the light
   DVec3 p{0};              ///< on the light
+  DVec3 boundary{0};       ///< of a refracted sample: where it passes the glass
   double length = 0;       ///< of a segment
   double t = 0;            ///< of an equiangular distance
   DVec3 transmittance{1};  ///< as estimated on all that was not the path's before

@@ -1,5 +1,6 @@
 #include "renderer/world/effect_plan.h"
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <set>
@@ -62,8 +63,8 @@ class Planner {
     light_sampling();
     equiangular();
     emission_sampling();
-    surface(0, "area lights", "emits",
-            [](const ShapeDescription& s) { return s.area_light && s.area_light->scale > 0 && !is_black(s.area_light->radiance); });
+    refracted_light();
+    surface(0, "area lights", "emits", [](const ShapeDescription& s) { return emits(s); });
     light<InfiniteLightDescription>("environment lights", "an infinite light");
     light<DistantLightDescription>("distant lights", "a distant light");
     light<PointLightDescription>("point lights", "a point light");
@@ -137,6 +138,18 @@ class Planner {
                              " % of the light that arrives at what the camera sees";
     add(kEmissionSampling, name, share >= kLeastShare, part, glowing.where);
   }
+
+  void refracted_light() {
+    const std::string name = "light through smooth glass";
+    const bool shines = std::any_of(scene_.shapes.begin(), scene_.shapes.end(), [](const ShapeDescription& s) { return emits(s); });
+    if (world_.dielectric_spheres.empty() || scene_.settings.max_depth < 2)
+      return add(kRefractedLight, name, false, "no sphere of smooth glass holds anything that scatters");
+    add(kRefractedLight, name, shines,
+        shines ? std::to_string(world_.dielectric_spheres.size()) + " spheres of smooth glass hold something that scatters"
+               : "no area light shines");
+  }
+
+  static bool emits(const ShapeDescription& s) { return s.area_light && s.area_light->scale > 0 && !is_black(s.area_light->radiance); }
 
   void medium(uint32_t bits, const std::string& effect, const std::string& does, const std::function<bool(const Medium&)>& test) {
     for (const int m : media_) {

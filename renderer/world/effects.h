@@ -20,9 +20,10 @@ enum Effect : uint32_t {
   kLightSampling = 1u << 8,        ///< some light can be sampled from a point
   kEquiangular = 1u << 9,          ///< a bounded light in or beside a medium thin enough that it matters where it stands
   kEmissionSampling = 1u << 10,    ///< a grid emits: its bricks are lights
+  kRefractedLight = 1u << 11,      ///< an area light shines into a sphere of smooth glass that holds something
 };
 /// In the order of the bits.
-inline constexpr std::array<std::pair<Effect, const char*>, 11> kEffectNames{{{kHomogeneousMedia, "homogeneous media"},
+inline constexpr std::array<std::pair<Effect, const char*>, 12> kEffectNames{{{kHomogeneousMedia, "homogeneous media"},
                                                                               {kHeterogeneousMedia, "heterogeneous media"},
                                                                               {kVolumeScattering, "volume scattering"},
                                                                               {kVolumeEmission, "volume emission"},
@@ -32,7 +33,8 @@ inline constexpr std::array<std::pair<Effect, const char*>, 11> kEffectNames{{{k
                                                                               {kGeneralSurfaces, "surfaces other than diffuse"},
                                                                               {kLightSampling, "light sampling"},
                                                                               {kEquiangular, "equiangular sampling"},
-                                                                              {kEmissionSampling, "emissive bricks as lights"}}};
-inline constexpr uint32_t kAllEffects = (1u << 11) - 1;
+                                                                              {kEmissionSampling, "emissive bricks as lights"},
+                                                                              {kRefractedLight, "light through smooth glass"}}};
+inline constexpr uint32_t kAllEffects = (1u << 12) - 1;
 
 }  // namespace woodcock

@@ -198,6 +198,8 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
   if (dropped > 0) notes.push_back(std::to_string(dropped) + " triangles or patches without area were left out");
 
   Media media(scene, space.render_from_world, space.scale);
+  const std::vector<Geometry::Object> placed_objects = objects;
+  const std::vector<Geometry::Instance> placements = instances;
   const auto starts = has_media(scene, media) ? Geometry::Starts::kAnywhere : Geometry::Starts::kOnSurfaces;
   Geometry geometry(std::move(shapes), top_level, std::move(objects), std::move(instances), starts);
   const Box3 bounds = geometry.bounds();
@@ -270,6 +272,8 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
       powers.push_back(std::max(bricks->power(), std::numeric_limits<double>::min()));
     }
   world->emissive_choice = DiscreteDistribution(powers);
+  world->dielectric_spheres =
+      find_dielectric_spheres(scene, world->geometry, world->surfaces, world->media, top_level, placed_objects, placements);
   world->effects = effect_bits(plan_effects(scene, *world));
   for (auto& note : scene_notes(scene, *world)) world->notes.push_back(std::move(note));
   return world;

@@ -19,6 +19,7 @@
 #include "renderer/scene/description.h"
 #include "renderer/textures/texture.h"
 #include "renderer/world/camera.h"
+#include "renderer/world/dielectric_spheres.h"
 #include "renderer/world/filter.h"
 
 namespace woodcock {
@@ -82,6 +83,17 @@ struct World {
     for (size_t i = 0; i < emissive_media.size(); ++i)
       if (emissive_media[i] == medium) return static_cast<float>(emissive_choice.probability(i));
     return 0;
+  }
+
+  /// The spheres through whose surface light is sampled, the smallest first.
+  std::vector<DielectricSphere> dielectric_spheres{};
+  /// The smallest of them around a point; null where there is none. Next to the surface, where rounding decides, there is none.
+  const DielectricSphere* dielectric_around(DVec3 p) const {
+    for (const DielectricSphere& body : dielectric_spheres) {
+      const double r = body.sphere.radius * (1 - 1e-9);
+      if (length_squared(p - body.sphere.center) < r * r) return &body;
+    }
+    return nullptr;
   }
 
   /// The medium behind a surface for a ray that leaves it in direction `w`.

@@ -14,16 +14,18 @@ Techniques::Techniques(uint32_t effects, const PathSettings& settings) {
   light_sampling = on.has(Feature::kLightSampling) && (!settings.plan || (effects & kLightSampling) != 0);
   // Both find light again that others find, so without weights they are not used; without a plan they are not either.
   equiangular = mis && settings.plan && light_sampling && on.has(Feature::kEquiangular) && (effects & kEquiangular) != 0;
+  refraction = mis && settings.plan && light_sampling && on.has(Feature::kDielectricBoundaries) && (effects & kRefractedLight) != 0;
   emission_sampling = mis && settings.plan && on.has(Feature::kEmissionSampling) && (effects & kEmissionSampling) != 0;
 }
 
 Densities Densities::weights(bool mis) const {
-  if (!mis) return light_sample > 0 ? Densities{0, 1, 0, 0} : Densities{1, 0, 0, 0};
+  if (!mis) return light_sample > 0 ? Densities{0, 1, 0, 0, 0} : Densities{1, 0, 0, 0, 0};
   // Relative to the largest, so that squares stay finite.
-  const double largest = std::max({scattering, light_sample, equiangular, emission_sample});
+  const double largest = std::max({scattering, light_sample, equiangular, emission_sample, refracted_sample});
   const auto square = [&](double p) { return (p / largest) * (p / largest); };
-  const double all = square(scattering) + square(light_sample) + square(equiangular) + square(emission_sample);
-  return {square(scattering) / all, square(light_sample) / all, square(equiangular) / all, square(emission_sample) / all};
+  const double all = square(scattering) + square(light_sample) + square(equiangular) + square(emission_sample) + square(refracted_sample);
+  return {square(scattering) / all, square(light_sample) / all, square(equiangular) / all, square(emission_sample) / all,
+          square(refracted_sample) / all};
 }
 
 namespace {
@@ -73,9 +75,56 @@ double equiangular_pdf(const SceneFormulas& scene, const Techniques& techniques,
   return scene.bounded_pmf(light) * height / (angle * (height * height + x * x));
 }
 
+std::optional<Crossing> cross(const Body& glass, DVec3 from, DVec3 w) {
+  Crossing c;
+  c.v = from + glass.chord(from, w).second * w;
+  c.n = glm::normalize(c.v - glass.center);
+  c.cos_i = glm::dot(w, c.n);
+  const DVec3 across = glass.eta * (w - c.cos_i * c.n);
+  const double rest = 1 - glm::dot(across, across);
+  if (rest <= 0) return std::nullopt;
+  c.cos_t = std::sqrt(rest);
+  c.wo = across + c.cos_t * c.n;
+  return c;
+}
+
+namespace {
+
+/// Per steradian of the direction wi: that of the point on the light, drawn as if there was no glass, by area, times the area that a bundle
+/// of rays around wi covers there by its solid angle.
+double refracted_pdf(const SceneFormulas& scene, const Techniques& techniques, const LastVertex& vertex, const LightEnd& end) {
+  const LightFormula& light = scene.light(end.source);
+  const Body* glass = scene.glass_around(vertex.p);
+  if (glass == nullptr || light.is_delta()) return 0;
+  const double outside = glm::distance(end.p, glass->center) - glass->radius;
+  if (std::abs(outside) < 1e-6) throw TooNear{};
+  if (outside < 0) return 0;
+  const DVec3 n = light.normal(end.primitive, end.p), straight = end.p - vertex.p, w = glm::normalize(straight);
+  const DVec3 s = glm::normalize(glm::cross(end.wi, std::abs(end.wi.x) < 0.5 ? DVec3(1, 0, 0) : DVec3(0, 1, 0))), t = glm::cross(end.wi, s);
+  constexpr double kStep = 1e-6;
+  const auto arrive = [&](double ds, double dt) {
+    const auto c = cross(*glass, vertex.p, glm::normalize(end.wi + ds * s + dt * t));
+    if (!c) throw TooNear{};
+    return c->v + glm::dot(end.p - c->v, n) / glm::dot(c->wo, n) * c->wo;
+  };
+  const auto c = cross(*glass, vertex.p, end.wi);
+  if (!c) throw TooNear{};
+  const double side = glm::dot(w, n), refracted_side = glm::dot(c->wo, n);
+  if (std::abs(side) < 1e-5 || std::abs(refracted_side) < 1e-5) throw TooNear{};
+  if ((side > 0) != (refracted_side > 0)) return 0;
+  const DVec3 by_s = (arrive(kStep, 0) - arrive(-kStep, 0)) / (2 * kStep), by_t = (arrive(0, kStep) - arrive(0, -kStep)) / (2 * kStep);
+  const double area = glm::length(glm::cross(by_s, by_t));
+  // On a caustic the bundle covers none.
+  if (area < 1e-4 * glm::dot(straight, straight)) throw TooNear{};
+  const double by_area = light.pdf(vertex.p, end.primitive, end.p, w) * std::abs(side) / glm::dot(straight, straight);
+  return scene.pmf(end.source, vertex.p, techniques.by_power) * by_area * area;
+}
+
+}  // namespace
+
 Densities densities(const SceneFormulas& scene, const Techniques& techniques, const LastVertex& vertex, const LightEnd& end) {
   // What the camera sees, and what a delta lobe leads to, is found in one way.
-  if (vertex.kind == LastVertex::Kind::kCamera || end.by_delta_lobe) return {1, 0, 0, 0};
+  if (vertex.kind == LastVertex::Kind::kCamera || end.by_delta_lobe) return {1, 0, 0, 0, 0};
   const bool samples = vertex.kind == LastVertex::Kind::kMedium || !is_delta(scene.material(vertex.material));
   Densities all;
   all.scattering = scattering_pdf(scene, vertex, end.wi);
@@ -95,6 +144,10 @@ Densities densities(const SceneFormulas& scene, const Techniques& techniques, co
     return all;
   }
   const LightFormula& light = scene.light(end.source);
+  if (end.refracted) {
+    if (samples && techniques.refraction) all.refracted_sample = flown * refracted_pdf(scene, techniques, vertex, end);
+    return all;
+  }
   if (light.is_delta()) all.scattering = 0;
   const double to_light = light.pdf(vertex.p, end.primitive, end.p, end.wi);
   if (samples && techniques.light_sampling) all.light_sample = flown * scene.pmf(end.source, vertex.p, techniques.by_power) * to_light;

@@ -10,7 +10,7 @@ namespace woodcock::testing {
 
 /// Which techniques the render uses at all.
 struct Techniques {
-  bool light_sampling = true, equiangular = true, emission_sampling = true, mis = true;
+  bool light_sampling = true, equiangular = true, emission_sampling = true, mis = true, refraction = true;
   bool by_power = false;  ///< lights are chosen by power
 
   /// By the features of these settings, where the scene calls for `effects`.
@@ -45,17 +45,26 @@ struct LightEnd {
   uint32_t primitive = 0;
   DVec3 p{0}, wi{0};
   bool by_delta_lobe = false;  ///< the vertex scattered by a delta lobe
+  bool refracted = false;      ///< `wi` leads to the glass around the vertex, which refracts it towards p
 };
+
+/// A smooth boundary that a direction from inside meets.
+struct Crossing {
+  DVec3 v{0}, n{0}, wo{0};  ///< the point, the normal outwards, the refracted direction
+  double cos_i = 1, cos_t = 1;
+};
+/// Nothing under total reflection.
+std::optional<Crossing> cross(const Body& glass, DVec3 from, DVec3 w);
 
 /// In a measure that all of them share: of the direction, at a vertex in a medium times its distance, for emission in media
 /// times the distance to where it is emitted. What came before the last segment is left out, since it is common to all; so is
 /// the roulette after the last vertex, which weights know nothing of.
 struct Densities {
-  double scattering = 0, light_sample = 0, equiangular = 0, emission_sample = 0;
+  double scattering = 0, light_sample = 0, equiangular = 0, emission_sample = 0, refracted_sample = 0;
 
   /// The power heuristic of exponent 2; without multiple importance sampling light samples stand for all they can make.
   Densities weights(bool mis) const;
-  double sum() const { return scattering + light_sample + equiangular + emission_sample; }
+  double sum() const { return scattering + light_sample + equiangular + emission_sample + refracted_sample; }
 };
 
 /// Throws TooNear where rounding decides which techniques there are.

@@ -293,6 +293,15 @@ SceneFormulas::SceneFormulas(const SceneDescription& scene, const World& world) 
         body.upper = glm::max(body.upper, point(to_render, p));
       }
     }
+    if (const auto* glass = std::get_if<DielectricDescription>(&scene.materials[static_cast<size_t>(shape.material)].kind);
+        glass != nullptr && glass->roughness.u.value == 0 && glass->roughness.v.value == 0)
+      body.eta = static_cast<double>(glass->eta);
+    // Which of them are worth while, and whether anything stands inside, is the world's to say.
+    for (const DielectricSphere& found : world.dielectric_spheres)
+      if (body.sphere && glm::distance(found.sphere.center, body.center) < 0.5 * body.radius) {
+        body.samples_refraction = true;
+        body.is_empty = found.is_empty;
+      }
     bodies_.push_back(body);
   }
   emissive_pmf_.resize(media_.size());
@@ -325,6 +334,16 @@ double SceneFormulas::pmf(int light, DVec3 at, bool by_power) const {
   if (!(expected > 0)) return 0;
   if (chosen.is_bounded()) return (1 - of_infinite) * (0.9 * expected / bounded + 0.1 / shining);
   return of_infinite * (0.9 * expected / infinite + 0.1 / distant);
+}
+
+const Body* SceneFormulas::glass_around(DVec3 p) const {
+  for (const Body& body : bodies_) {
+    if (!body.samples_refraction || body.eta == 1) continue;
+    const double inside = body.radius - glm::distance(p, body.center);
+    if (std::abs(inside) < 1e-6) throw TooNear{};
+    if (inside > 0) return &body;
+  }
+  return nullptr;
 }
 
 DVec3 SceneFormulas::environment() const {

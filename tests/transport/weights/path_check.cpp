@@ -7,7 +7,8 @@
 namespace woodcock::testing {
 namespace {
 
-constexpr const char* kNames[] = {"scattering", "environment", "collision", "segment", "light sample", "equiangular", "emission sample"};
+constexpr const char* kNames[] = {"scattering",   "environment", "collision",       "segment",
+                                  "light sample", "equiangular", "emission sample", "refracted sample"};
 
 /// What float32 makes of a position or direction of unit size, generously.
 constexpr double kNudge = 2e-7;
@@ -38,6 +39,8 @@ double chosen(Technique technique, const Densities& d) {
       return d.equiangular;
     case Technique::kEmissionSample:
       return d.emission_sample;
+    case Technique::kRefractedSample:
+      return d.refracted_sample;
     default:
       return d.scattering;
   }
@@ -76,6 +79,7 @@ void PathCheck::check(const PathRecord& record, const std::string& name, CheckRe
   report_ = &report;
   so_far_ = {};
   vertex_ = {};
+  refraction_.reset();
   share_ = DVec3(1.0 / 3);
   by_delta_lobe_ = roulette_due_ = false;
   eta_scale_ = 1;
@@ -169,6 +173,7 @@ void PathCheck::see(const SegmentEnds& e) {
 }
 
 void PathCheck::see(const MediumScatters& e) {
+  refraction_.reset();
   vertex_ = {.kind = LastVertex::Kind::kMedium, .p = e.p, .wo = e.wo, .scatterings_before = scatterings_, .medium = e.medium};
   vertex_.o = segment_.o;
   vertex_.d = segment_.d;
@@ -180,6 +185,8 @@ void PathCheck::see(const MediumScatters& e) {
 
 void PathCheck::see(const SurfaceScatters& e) {
   if (!may_scatter()) return;
+  refraction_.reset();
+  if (vertex_.kind != LastVertex::Kind::kCamera && !by_delta_lobe_) refraction_ = Refraction{vertex_, wi_};
   vertex_ = {.kind = LastVertex::Kind::kSurface, .p = e.p, .wo = e.wo, .scatterings_before = scatterings_, .material = e.material};
   vertex_.closed_forms = has(Feature::kLayeredClosedForms);
   vertex_.z = glm::normalize(e.ns);
@@ -195,6 +202,8 @@ void PathCheck::see(const DirectionTaken& e) {
   wi_ = e.wi;
   by_delta_lobe_ = e.pdf == 0;
   const Throughput before = so_far_;
+  // Only a transmission by a delta lobe is a refraction.
+  if (!by_delta_lobe_ || glm::dot(vertex_.z, vertex_.wo) * glm::dot(vertex_.z, e.wi) > 0) refraction_.reset();
   if (vertex_.kind == LastVertex::Kind::kSurface) {
     const MaterialKind& material = scene_.material(vertex_.material);
     const DVec3 wo = vertex_.local(vertex_.wo), wi = vertex_.local(e.wi);
@@ -291,28 +300,37 @@ void PathCheck::see(const LightAdded& e) {
     default:
       break;
   }
-  const bool by_scattering = chosen(e.technique, {1, 0, 0, 0}) == 1;
+  const bool by_scattering = chosen(e.technique, {1, 0, 0, 0, 0}) == 1;
+  end.refracted = e.technique == Technique::kRefractedSample;
   end.by_delta_lobe = by_scattering && by_delta_lobe_;
   if (vertex.kind != LastVertex::Kind::kCamera && largest(e.from - vertex.p) > 1e-6 * std::max(1.0, largest(vertex.p)))
     fail("light is added at " + text(e.from) + ", but the last vertex is at " + text(vertex.p));
-  check_contribution(e, vertex, end);
+  if (e.technique == Technique::kScattering && by_delta_lobe_ && refraction_) {
+    LightEnd way = end;
+    way.by_delta_lobe = false;
+    way.refracted = true;
+    way.wi = refraction_->wi;
+    return check_contribution(e, vertex, end, refraction_->vertex, way);
+  }
+  check_contribution(e, vertex, end, vertex, end);
 }
 
-void PathCheck::check_contribution(const LightAdded& e, const LastVertex& vertex, const LightEnd& end) {
-  const Densities d = densities(scene_, techniques_, vertex, end), w = d.weights(techniques_.mis);
+void PathCheck::check_contribution(const LightAdded& e, const LastVertex& vertex, const LightEnd& end, const LastVertex& origin,
+                                   const LightEnd& way_there) {
+  const Densities d = densities(scene_, techniques_, origin, way_there), w = d.weights(techniques_.mis);
   const double density = chosen(e.technique, d), weight = chosen(e.technique, w);
   const double tolerance = vertex.kind == LastVertex::Kind::kSurface ? scattering_tolerance(scene_, vertex, end.wi) : 0;
   // A weight of squared densities changes by at most half of what one density does, of a light sample also by its own share.
   double weight_allowed = 1e-9 + (3e-5 + 2 * tolerance) * weight, density_allowed = 3e-5 + tolerance;
   for (int way = 0; way < 4; ++way) {
-    LastVertex v = vertex;
-    LightEnd n = end;
+    LastVertex v = origin;
+    LightEnd n = way_there;
     nudge(way, v, n);
     const Densities other = densities(scene_, techniques_, v, n);
     weight_allowed += 4 * std::abs(chosen(e.technique, other.weights(techniques_.mis)) - weight);
     if (density > 0) density_allowed += 4 * std::abs(chosen(e.technique, other) / density - 1);
   }
-  const int ways = (d.scattering > 0) + (d.light_sample > 0) + (d.equiangular > 0) + (d.emission_sample > 0);
+  const int ways = (d.scattering > 0) + (d.light_sample > 0) + (d.equiangular > 0) + (d.emission_sample > 0) + (d.refracted_sample > 0);
   report_->with_several += ways > 1;
   const std::string name = kNames[static_cast<size_t>(e.technique)];
   const double off = std::abs(e.weight - weight), sum_off = std::abs(w.sum() - weight + e.weight - 1);
@@ -332,11 +350,33 @@ void PathCheck::check_contribution(const LightAdded& e, const LastVertex& vertex
     report_->worst = std::max(report_->worst, off / weight_allowed);
   }
   // In the measure that the loop uses: that of the vertex's distance only where it is drawn there.
-  const double flown = vertex.kind == LastVertex::Kind::kMedium && e.technique == Technique::kLightSample
-                           ? flight_pdf(scene_.medium(vertex.medium), vertex.share, vertex.p, vertex.t)
-                           : 1;
+  const double flown =
+      vertex.kind == LastVertex::Kind::kMedium && (e.technique == Technique::kLightSample || e.technique == Technique::kRefractedSample)
+          ? flight_pdf(scene_.medium(vertex.medium), vertex.share, vertex.p, vertex.t)
+          : 1;
   if (e.density > 0) compare("the density of a sample", e.density, density / flown, density_allowed, &report_->density_deviation);
   check_value(e, vertex, end, density / flown, weight, density_allowed + weight_allowed / std::max(weight, 1e-12));
+}
+
+PathCheck::ThroughGlass PathCheck::through_glass(const LastVertex& vertex, const LightEnd& end) const {
+  const Body* glass = scene_.glass_around(vertex.p);
+  const auto c = glass != nullptr ? cross(*glass, vertex.p, end.wi) : std::nullopt;
+  if (!c) throw TooNear{};
+  ThroughGlass result;
+  const double length = glm::distance(c->v, vertex.p), eta = glass->eta;
+  const double s = (eta * c->cos_i - c->cos_t) / (eta * c->cos_i + c->cos_t), p = (c->cos_i - eta * c->cos_t) / (c->cos_i + eta * c->cos_t);
+  result.boundary = (1 - 0.5 * (s * s + p * p)) * eta * eta;
+  if (glass->inside != kNone && scene_.medium(glass->inside).is_homogeneous() && settings_.plan && has(Feature::kClosedForms) &&
+      glass->is_empty) {
+    const DVec3 sigma = scene_.medium(glass->inside).sigma_t(vertex.p);
+    result.survival = std::min(1.0, 4 * std::exp(-std::min({sigma.x, sigma.y, sigma.z}) * length));
+  }
+  const auto inside = scene_.way(vertex.p, end.wi, length), outside = scene_.way(c->v, c->wo, glm::distance(end.p, c->v));
+  if (inside && outside) {
+    result.transmittance = inside->transmittance * outside->transmittance;
+    result.depth = inside->depth + outside->depth;
+  }
+  return result;
 }
 
 /// f/p · w.
@@ -351,7 +391,7 @@ void PathCheck::check_value(const LightAdded& e, const LastVertex& vertex, const
     return;
   }
   compare("the throughput", e.beta, so_far_.beta(), so_far_.slack);
-  const bool sampled = chosen(e.technique, {1, 0, 0, 0}) != 1;
+  const bool sampled = chosen(e.technique, {1, 0, 0, 0, 0}) != 1;
   DVec3 radiance, nudged_radiance;
   if (end.kind == LightEnd::Kind::kEnvironment) {
     radiance = nudged_radiance = scene_.environment();
@@ -376,33 +416,46 @@ void PathCheck::check_value(const LightAdded& e, const LastVertex& vertex, const
   const bool bounded =
       end.kind == LightEnd::Kind::kEmission || (end.kind == LightEnd::Kind::kShape && scene_.light(end.source).is_bounded());
   const double length = bounded ? glm::distance(end.p, vertex.p) : 1e30;
-  auto way = scene_.way(vertex.p, end.wi, length);
+  const auto found = scene_.way(vertex.p, end.wi, length);
+  bool known = found.has_value();
+  SceneFormulas::Way way = found.value_or(SceneFormulas::Way{DVec3(1), 0});
+  double factor = 1;
+  if (end.refracted) {
+    const ThroughGlass glass = through_glass(vertex, end);
+    known = glass.transmittance.has_value();
+    way = {glass.transmittance.value_or(DVec3(1)), glass.depth};
+    factor = glass.boundary / glass.survival;
+  }
   for (int i = 0; i < 4; ++i) {
     LastVertex v = vertex;
     LightEnd n = end;
     nudge(i, v, n);
-    if (way) slack += 2 * std::abs(scene_.way(v.p, n.wi, length).value_or(*way).depth - way->depth);
+    if (end.refracted) {
+      const ThroughGlass other = through_glass(v, n);
+      slack += 2 * std::abs(other.boundary / other.survival / factor - 1) + (known ? 2 * std::abs(other.depth - way.depth) : 0);
+    } else if (known)
+      slack += 2 * std::abs(scene_.way(v.p, n.wi, length).value_or(way).depth - way.depth);
     const double change = largest(scattering_value(scene_, v, n.wi).value_or(DVec3(0)) - *f);
     if (change > 0 && largest(*f) == 0) throw TooNear{};  // on the horizon
     if (change > 0) slack += 2 * change / largest(*f);
   }
-  DVec3 value = *f * radiance, transmittance = e.transmittance;
+  DVec3 value = *f * radiance * factor, transmittance = e.transmittance;
   if (e.technique == Technique::kEquiangular) value *= scene_.medium(vertex.medium).sigma_s(vertex.p);
   // The way to the light in closed form, where it has one.
-  if (way && e.technique == Technique::kEquiangular) {
+  if (known && e.technique == Technique::kEquiangular) {
     const MediumFormula& medium = scene_.medium(vertex.medium);
     if (medium.is_homogeneous()) {
       const DVec3 depth = medium.sigma_t(vertex.p) * e.t;
-      way->transmittance *= glm::exp(-depth);
-      way->depth += largest(depth);
+      way.transmittance *= glm::exp(-depth);
+      way.depth += largest(depth);
     } else {
-      way.reset();
+      known = false;
     }
   }
-  if (way && (way->depth == 0 || (settings_.plan && has(Feature::kClosedForms)))) {
+  if (known && (way.depth == 0 || (settings_.plan && has(Feature::kClosedForms)))) {
     ++report_->exact_values;
-    transmittance = way->transmittance;
-    slack += 1e-5 * (1 + way->depth);
+    transmittance = way.transmittance;
+    slack += 1e-5 * (1 + way.depth);
   }
   compare("the value of a light sample", e.added, so_far_.beta() * value * transmittance * (weight / density), slack,
           &report_->value_deviation);

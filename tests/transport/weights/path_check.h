@@ -13,7 +13,7 @@ namespace woodcock::testing {
 
 /// What was compared and how far off it was.
 struct CheckReport {
-  static constexpr size_t kTechniques = 7;
+  static constexpr size_t kTechniques = 8;
   std::array<int64_t, kTechniques> contributions{};  ///< by Technique
   int64_t too_near = 0;                              ///< where rounding decides which techniques there are
   int64_t with_several = 0;                          ///< that more than one technique could have made
@@ -54,7 +54,16 @@ class PathCheck {
   void see(const DirectionTaken& e);
   void see(const RouletteSurvived& e);
   void see(const LightAdded& e);
-  void check_contribution(const LightAdded& e, const LastVertex& vertex, const LightEnd& end);
+  /// `origin` is the vertex that the techniques to be weighted start from, and `way` what leads from there to the end: `vertex` and `end`
+  /// themselves, but for light met after glass refracted a direction.
+  void check_contribution(const LightAdded& e, const LastVertex& vertex, const LightEnd& end, const LastVertex& origin,
+                          const LightEnd& way);
+  /// Through the glass around the vertex: transmittances, Fresnel and η², and what roulette divides by; nothing where it is an estimate.
+  struct ThroughGlass {
+    std::optional<DVec3> transmittance;
+    double boundary = 1, survival = 1, depth = 0;
+  };
+  ThroughGlass through_glass(const LastVertex& vertex, const LightEnd& end) const;
   void check_value(const LightAdded& e, const LastVertex& vertex, const LightEnd& end, double density, double weight, double slack);
   void settle_roulette();
 
@@ -79,6 +88,12 @@ class PathCheck {
   SegmentStarts segment_{};
   DVec3 share_{1.0 / 3};
   DVec3 wi_{0};
+  /// A scattering that sampled lights and its direction, which glass refracted at the last vertex.
+  struct Refraction {
+    LastVertex vertex;
+    DVec3 wi;
+  };
+  std::optional<Refraction> refraction_;
   bool by_delta_lobe_ = false, roulette_due_ = false;
   double survival_ = 1, eta_scale_ = 1;
   int scatterings_ = 0;

@@ -33,6 +33,8 @@ class LightFormula {
   /// No ray finds it by chance.
   bool is_delta() const { return delta_; }
   DVec3 position() const { return position_; }
+  /// Of the surface, with either sign.
+  DVec3 normal(uint32_t primitive, DVec3 p) const;
 
   /// Per steradian at `from`, of sampling the point p of this primitive (delta lights: 1) in the direction wi. Throws TooNear.
   double pdf(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi) const;
@@ -49,7 +51,6 @@ class LightFormula {
   /// The box around what emits, corner by corner, in float as the renderer's.
   void include(DVec3 corner);
 
-  DVec3 normal(uint32_t primitive, DVec3 p) const;
   /// The triangle that p was sampled from: the primitive, or the half of a patch. Throws TooNear.
   const std::array<DVec3, 3>& triangle(uint32_t primitive, DVec3 p) const;
 
@@ -123,6 +124,9 @@ struct Body {
   DVec3 center{0}, lower{0}, upper{0};
   double radius = 0;
   int inside = kNone;
+  double eta = 1;                   ///< of smooth glass around it; 1 where there is none, or where it is rough
+  bool samples_refraction = false;  ///< light is sampled through it
+  bool is_empty = true;             ///< nothing but the medium is inside
 
   /// Where a ray is inside; empty where first >= second.
   std::pair<double, double> chord(DVec3 o, DVec3 d) const;
@@ -144,6 +148,8 @@ class SceneFormulas {
 
   /// The medium around a point, kNone for vacuum; nothing within `margin` of a boundary.
   std::optional<int> medium_at(DVec3 p, double margin) const;
+  /// The sphere of smooth glass around a point, if light is sampled through it. Throws TooNear.
+  const Body* glass_around(DVec3 p) const;
   /// Through all media along the way, and the depth in its densest channel; nothing where it is known by an estimate only.
   struct Way {
     DVec3 transmittance;

@@ -1,0 +1,158 @@
+#include "renderer/geometry/refraction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace woodcock {
+namespace {
+
+constexpr double kPi64 = std::numbers::pi;
+
+/// asin(c sin t), 0 ≤ c ≤ 1, and its derivative by t.
+struct Term {
+  double value, slope;
+};
+Term term(double c, double sin_t, double cos_t) {
+  const double s = c * sin_t, root = std::sqrt((1 - s) * (1 + s));
+  // For c = 1 this is |cos t|, and the slope ±1 up to rounding.
+  return {std::atan2(s, root), root > 0 ? c * cos_t / root : 1};
+}
+
+/// H as a function of t on one branch. Up to the angle of total reflection t is the angle of the refracted ray (sin t = ηa sin u), so that
+/// H has a slope everywhere; where nothing is reflected totally t is u itself and the branch `kNear` goes from 0 to π.
+class Arrival {
+ public:
+  Arrival(double eta, double a, double b) : reflects_(eta * a > 1) {
+    const double s2 = reflects_ ? 1 : eta * a;
+    u_ = reflects_ ? 1 / (eta * a) : 1;
+    i_ = reflects_ ? 1 / eta : a;
+    t_ = s2;
+    y_ = s2 / b;
+  }
+
+  bool reflects() const { return reflects_; }
+
+  struct Value {
+    double h, slope;
+    double sin_u, du, azimuth;  ///< of v
+    double sin_i, sin_t, sin_y;
+  };
+  Value near(double t) const { return at(t, reflects_ ? 1 : 0); }
+  /// u = π − asin(sin t / ηa), with t from 0 (u = π) to π/2 (total reflection).
+  Value far(double t) const { return at(t, -1); }
+
+  /// Where far(t) has its minimum; 0 where it has none. With w = cos t the slope has the sign of 1 − Σ c w/√(1 − c² + c² w²), which is
+  /// convex and falls from 1 at w = 0: Newton's steps from there come nearer and never pass the zero.
+  double minimum() const {
+    if (u_ + i_ + y_ <= 1) return 0;
+    double w = 0;
+    for (int k = 0; k < 24; ++k) {
+      double value = 1, slope = 0;
+      for (const double c : {u_, i_, y_}) {
+        const double rest = (1 - c) * (1 + c), square = rest + c * c * w * w, size = std::sqrt(square);
+        value -= c * w / size;
+        slope -= c * rest / (square * size);
+      }
+      const double step = -value / slope;
+      // A term of c = 1 is a step at w = 0.
+      if (!(step > 0x1p-26) || !std::isfinite(step)) break;
+      w = std::min(1.0, w + step);
+    }
+    return std::acos(w);
+  }
+
+ private:
+  /// `way`: 0 where u = t, else the sign of du/dt.
+  Value at(double t, int way) const {
+    const double s = std::sin(t), c = std::cos(t);
+    Term u{t, 1};
+    if (way != 0) u = term(u_, s, c);
+    if (way < 0) u = {kPi64 - u.value, -u.slope};
+    const Term i = term(i_, s, c), o = reflects_ ? Term{t, 1} : term(t_, s, c), y = term(y_, s, c);
+    return {u.value - i.value + o.value - y.value,
+            u.slope - i.slope + o.slope - y.slope,
+            u_ * s,
+            u.slope,
+            u.value - i.value,
+            i_ * s,
+            t_ * s,
+            y_ * s};
+  }
+
+  bool reflects_;
+  double u_, i_, t_, y_;  ///< what sin t is multiplied by to give the sines of u, of both angles at v and of the angle at y
+};
+
+/// The root of h(t) = target between lo and hi, where h grows from below the target to above it, or the other way round: Newton's steps
+/// from `t`, halved brackets where they lead out.
+template <typename Function>
+double root(Function&& h, double lo, double hi, bool grows, double t, double target) {
+  for (int i = 0; i < 80; ++i) {
+    const auto value = h(t);
+    const double off = value.h - target;
+    ((off < 0) == grows ? lo : hi) = t;
+    double next = t - off / value.slope;
+    const bool inside = next > lo && next < hi;
+    // A step that leaves the bracket, or that is no number.
+    if (!inside) next = 0.5 * (lo + hi);
+    // The error of Newton's next step is of the size of the square of this one.
+    if (next == lo || next == hi || std::abs(next - t) <= (inside ? 0x1p-30 : 0x1p-52) * t) return next;
+    t = next;
+  }
+  return t;
+}
+
+}  // namespace
+
+RefractedWays refracted_ways(const Sphere& sphere, double eta, DVec3 x, DVec3 y) {
+  RefractedWays result;
+  const double r = sphere.radius;
+  const DVec3 from = (x - sphere.center) / r, to = (y - sphere.center) / r;
+  const double a = glm::length(from), b = glm::length(to);
+  if (!(a < 1 && b > 1)) return result;
+  // The plane of the way: `axis` through x, `across` on the side of y.
+  const DVec3 axis = a > 1e-12 ? from / a : to / b;
+  const DVec3 normal = glm::cross(axis, to);
+  const double sine = glm::length(normal), psi = a > 1e-12 ? std::atan2(sine, glm::dot(axis, to)) : 0;
+  DVec3 across = glm::cross(normal, axis);
+  if (const double length = glm::length(across); length > 0)
+    across /= length;
+  else
+    across = glm::normalize(glm::cross(axis, std::abs(axis.x) < 0.5 ? DVec3(1, 0, 0) : DVec3(0, 1, 0)));
+
+  const Arrival arrival(eta, a, b);
+  const auto add = [&](const Arrival::Value& value, double side) {
+    if (result.count == RefractedWays::kCapacity) return;
+    RefractedWay way;
+    const DVec3 n = std::cos(value.azimuth) * axis + side * std::sin(value.azimuth) * across;
+    way.v = sphere.center + r * n;
+    way.wi = glm::normalize(n - from);
+    way.wo = glm::normalize(to - n);
+    const auto cosine = [](double s) { return std::sqrt((1 - s) * (1 + s)); };
+    way.cos_i = cosine(value.sin_i);
+    way.cos_t = cosine(value.sin_t);
+    // du/dH, and sin u over sin ψ, which on the axis has the same limit.
+    const double rate = std::abs(value.du / value.slope), sin_psi = std::sin(psi);
+    const double ring = value.sin_u < 1e-7 && sin_psi < 1e-5 ? rate : value.sin_u / sin_psi;
+    way.solid_angle_per_area = ring * rate / (b * b * cosine(value.sin_y) * r * r);
+    if (glm::dot(way.wo, n) > 0) result.ways[result.count++] = way;
+  };
+  const auto near = [&](double t) { return arrival.near(t); };
+  const auto far = [&](double t) { return arrival.far(t); };
+  if (!arrival.reflects()) {
+    add(near(root(near, 0, kPi64, true, psi, psi)), 1);
+    return result;
+  }
+  constexpr double kHalf = kPi64 / 2;
+  if (const double last = near(kHalf).h; psi <= last) add(near(root(near, 0, kHalf, true, kHalf * (psi / last), psi)), 1);
+  const double lowest = arrival.minimum(), least = lowest > 0 ? far(lowest).h : kPi64, last = far(kHalf).h;
+  const auto middle = [](double lo, double hi) { return 0.5 * (lo + hi); };
+  if (lowest > 0 && psi >= least) add(far(root(far, 0, lowest, false, middle(0, lowest), psi)), 1);
+  if (psi >= least && psi <= last) add(far(root(far, lowest, kHalf, true, middle(lowest, kHalf), psi)), 1);
+  const double other = 2 * kPi64 - psi;
+  if (other <= last) add(far(root(far, lowest, kHalf, true, middle(lowest, kHalf), other)), -1);
+  return result;
+}
+
+}  // namespace woodcock

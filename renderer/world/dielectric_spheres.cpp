@@ -1,0 +1,101 @@
+#include "renderer/world/dielectric_spheres.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "renderer/core/transform.h"
+#include "renderer/materials/ggx.h"
+#include "renderer/world/world.h"
+
+namespace woodcock {
+namespace {
+
+/// The index of a dielectric that is smooth everywhere, or 1.
+float smooth_index(const SceneDescription& scene, int material) {
+  if (material == kNone) return 1;
+  const MaterialDescription& m = scene.materials[static_cast<size_t>(material)];
+  const auto* glass = std::get_if<DielectricDescription>(&m.kind);
+  if (glass == nullptr || m.normal_map != kNone || m.displacement != kNone) return 1;
+  const RoughnessDescription& rough = glass->roughness;
+  if (rough.u.texture != kNone || rough.v.texture != kNone) return 1;
+  const auto alpha = [&](float x) { return rough.remap ? std::sqrt(std::max(0.0f, x)) : std::max(0.0f, x); };
+  return Ggx::from_alpha(alpha(rough.u.value), alpha(rough.v.value)).smooth() ? glass->eta : 1;
+}
+
+/// The length that `m` gives to every unit vector; nothing where it depends on the direction.
+std::optional<double> uniform_scale(const DMat4& m) {
+  const DVec3 x(m[0]), y(m[1]), z(m[2]);
+  const double scale = glm::length(x), allowed = 1e-9 * scale * scale;
+  const bool uniform = std::abs(glm::dot(y, y) - scale * scale) < allowed && std::abs(glm::dot(z, z) - scale * scale) < allowed &&
+                       std::abs(glm::dot(x, y)) < allowed && std::abs(glm::dot(y, z)) < allowed && std::abs(glm::dot(z, x)) < allowed;
+  if (!uniform || !(scale > 0)) return std::nullopt;
+  return scale;
+}
+
+/// Whether the box lies apart from the ball.
+bool is_apart(const Box3& box, const Sphere& s) {
+  const DVec3 nearest = glm::clamp(s.center, DVec3(box.lower), DVec3(box.upper));
+  return glm::distance(nearest, s.center) > s.radius * (1 - 1e-6);
+}
+
+class Finder {
+ public:
+  Finder(const SceneDescription& scene, const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, const Media& media)
+      : scene_(scene), geometry_(geometry), surfaces_(surfaces), media_(media), placed_(geometry.placed_shapes()) {}
+
+  void add(const ShapeDescription& description, int shape, const DMat4& render_from_space) {
+    const SurfaceInfo& info = surfaces_[static_cast<size_t>(shape)];
+    const Shape& geometric = geometry_.shapes()[static_cast<size_t>(shape)];
+    const auto* quadric = std::get_if<Quadric>(&geometric.geometry);
+    if (quadric == nullptr || !std::holds_alternative<SphereDescription>(description.kind)) return;
+    if (quadric->z_min > -quadric->radius || quadric->z_max < quadric->radius) return;
+    if (std::get<SphereDescription>(description.kind).phi_max < 360) return;
+    if (info.is_interface || info.passes_shadows || info.light != kNone) return;
+    const float eta = smooth_index(scene_, info.material);
+    const DMat4 placed = render_from_space * quadric->render_from_object;
+    const std::optional<double> scale = uniform_scale(placed);
+    if (eta == 1 || !scale) return;
+    DielectricSphere body{{DVec3(placed[3]), *scale * quadric->radius}, shape, geometric.flip ? 1 / eta : eta, geometric.flip, true};
+    size_t apart = 0;
+    for (const PlacedShape& other : placed_) apart += is_apart(other.bounds, body.sphere);
+    body.is_empty = apart + 1 == placed_.size();
+    const int inside = info.is_boundary ? (geometric.flip ? info.outside : info.inside) : kNone;
+    const bool scatters = inside != kNone && media_[inside].scatters();
+    if (scatters || !body.is_empty) found_.push_back(body);
+  }
+
+  std::vector<DielectricSphere> take() {
+    std::stable_sort(found_.begin(), found_.end(),
+                     [](const DielectricSphere& a, const DielectricSphere& b) { return a.sphere.radius < b.sphere.radius; });
+    // The largest stay: they cover most of the picture.
+    if (found_.size() > kMaxDielectricSpheres) found_.erase(found_.begin(), found_.end() - static_cast<ptrdiff_t>(kMaxDielectricSpheres));
+    return std::move(found_);
+  }
+
+ private:
+  const SceneDescription& scene_;
+  const Geometry& geometry_;
+  const std::vector<SurfaceInfo>& surfaces_;
+  const Media& media_;
+  std::vector<PlacedShape> placed_;
+  std::vector<DielectricSphere> found_;
+};
+
+}  // namespace
+
+std::vector<DielectricSphere> find_dielectric_spheres(const SceneDescription& scene, const Geometry& geometry,
+                                                      const std::vector<SurfaceInfo>& surfaces, const Media& media, int top_level,
+                                                      const std::vector<Geometry::Object>& objects,
+                                                      const std::vector<Geometry::Instance>& instances) {
+  Finder finder(scene, geometry, surfaces, media);
+  for (int i = 0; i < top_level; ++i) finder.add(scene.shapes[static_cast<size_t>(i)], i, DMat4(1));
+  for (const Geometry::Instance& instance : instances) {
+    const Geometry::Object& object = objects[static_cast<size_t>(instance.object)];
+    const auto& shapes = scene.objects[static_cast<size_t>(instance.object)].shapes;
+    for (int i = 0; i < object.shape_count; ++i)
+      finder.add(shapes[static_cast<size_t>(i)], object.first_shape + i, instance.render_from_object);
+  }
+  return finder.take();
+}
+
+}  // namespace woodcock
