@@ -30,7 +30,7 @@ std::string scene_of(int lamps, double density) {
   for (int i = 0; i < lamps; ++i) {
     const double x = uniform(-20, 20), y = uniform(-20, 20), z = uniform(0.3, 6), power = std::exp2(uniform(-4, 4));
     if (i % 3 == 0) {
-      text += fmt::format("LightSource \"point\" \"point3 from\" [ {} {} {} ] \"rgb I\" [ {3} {3} {3} ]\n", x, y, z, power);
+      text += fmt::format("LightSource \"point\" \"point3 from\" [ {0} {1} {2} ] \"rgb I\" [ {3} {3} {3} ]\n", x, y, z, power);
     } else if (i % 3 == 1) {
       text += fmt::format(
           "LightSource \"spot\" \"point3 from\" [ {0} {1} {2} ] \"point3 to\" [ {3} {4} 0 ] \"float coneangle\" 35 \"rgb I\" [ {5} {5} {5} "
@@ -38,7 +38,7 @@ std::string scene_of(int lamps, double density) {
           x, y, z, x + uniform(-1, 1), y + uniform(-1, 1), 4 * power);
     } else {
       text += fmt::format(
-          "AttributeBegin\nTranslate {} {} {}\nAreaLightSource \"diffuse\" \"rgb L\" [ {3} {3} {3} ]\nShape \"sphere\" \"float radius\" "
+          "AttributeBegin\nTranslate {0} {1} {2}\nAreaLightSource \"diffuse\" \"rgb L\" [ {3} {3} {3} ]\nShape \"sphere\" \"float radius\" "
           "0.05\nAttributeEnd\n",
           x, y, z, power * 100);
     }
