@@ -39,6 +39,25 @@ class Arrival {
     double sin_i, sin_t, sin_y;
   };
   Value near(double t) const { return at(t, reflects_ ? 1 : 0); }
+  /// near(t).h − ψ and its slope, for |h − ψ| ≤ π: the sum of the angles by products of e^(iα), with one arcus for all.
+  struct Offset {
+    double h, slope;
+  };
+  Offset near_offset(double t, double cos_psi, double sin_psi) const {
+    const double s = std::sin(t), c = std::cos(t);
+    double re = c * cos_psi + s * sin_psi, im = s * cos_psi - c * sin_psi, slope = 1;
+    const auto turn = [&](double factor, double sign) {
+      const double sine = factor * s, cosine = std::sqrt((1 - sine) * (1 + sine)), was = re;
+      re = was * cosine - sign * im * sine;
+      im = im * cosine + sign * was * sine;
+      slope += sign * (cosine > 0 ? factor * c / cosine : 1);
+    };
+    turn(reflects_ ? u_ : t_, 1);
+    turn(i_, -1);
+    turn(y_, -1);
+    return {std::atan2(im, re), slope};
+  }
+
   /// u = π − asin(sin t / ηa), with t from 0 (u = π) to π/2 (total reflection).
   Value far(double t) const { return at(t, -1); }
 
@@ -105,7 +124,7 @@ double root(Function&& h, double lo, double hi, bool grows, double t, double tar
 
 }  // namespace
 
-RefractedWays refracted_ways(const Sphere& sphere, double eta, DVec3 x, DVec3 y) {
+RefractedWays refracted_ways(const Sphere& sphere, double eta, DVec3 x, DVec3 y, double longest) {
   RefractedWays result;
   const double r = sphere.radius;
   const DVec3 from = (x - sphere.center) / r, to = (y - sphere.center) / r;
@@ -122,6 +141,7 @@ RefractedWays refracted_ways(const Sphere& sphere, double eta, DVec3 x, DVec3 y)
     across = glm::normalize(glm::cross(axis, std::abs(axis.x) < 0.5 ? DVec3(1, 0, 0) : DVec3(0, 1, 0)));
 
   const Arrival arrival(eta, a, b);
+  const double cos_psi = std::cos(psi), sin_psi = std::sin(psi);
   const auto add = [&](const Arrival::Value& value, double side) {
     if (result.count == RefractedWays::kCapacity) return;
     RefractedWay way;
@@ -133,19 +153,23 @@ RefractedWays refracted_ways(const Sphere& sphere, double eta, DVec3 x, DVec3 y)
     way.cos_i = cosine(value.sin_i);
     way.cos_t = cosine(value.sin_t);
     // du/dH, and sin u over sin ψ, which on the axis has the same limit.
-    const double rate = std::abs(value.du / value.slope), sin_psi = std::sin(psi);
+    const double rate = std::abs(value.du / value.slope);
     const double ring = value.sin_u < 1e-7 && sin_psi < 1e-5 ? rate : value.sin_u / sin_psi;
     way.solid_angle_per_area = ring * rate / (b * b * cosine(value.sin_y) * r * r);
     if (glm::dot(way.wo, n) > 0) result.ways[result.count++] = way;
   };
   const auto near = [&](double t) { return arrival.near(t); };
+  const auto near_offset = [&](double t) { return arrival.near_offset(t, cos_psi, sin_psi); };
   const auto far = [&](double t) { return arrival.far(t); };
   if (!arrival.reflects()) {
-    add(near(root(near, 0, kPi64, true, psi, psi)), 1);
+    add(near(root(near_offset, 0, kPi64, true, psi, 0)), 1);
     return result;
   }
   constexpr double kHalf = kPi64 / 2;
-  if (const double last = near(kHalf).h; psi <= last) add(near(root(near, 0, kHalf, true, kHalf * (psi / last), psi)), 1);
+  if (const double last = near(kHalf).h; psi <= last) add(near(root(near_offset, 0, kHalf, true, kHalf * (psi / last), 0)), 1);
+  // On the far side sin u ≤ 1/(ηa) and cos u < 0, so that no way is shorter than this.
+  const double across_all = std::sqrt((1 - 1 / eta) * (1 + 1 / eta)) + std::sqrt((a - 1 / eta) * (a + 1 / eta));
+  if (across_all * r > longest) return result;
   const double lowest = arrival.minimum(), least = lowest > 0 ? far(lowest).h : kPi64, last = far(kHalf).h;
   const auto middle = [](double lo, double hi) { return 0.5 * (lo + hi); };
   if (lowest > 0 && psi >= least) add(far(root(far, 0, lowest, false, middle(0, lowest), psi)), 1);

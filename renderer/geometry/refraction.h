@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <span>
 
 #include "renderer/core/vec.h"
@@ -32,7 +33,8 @@ struct RefractedWays {
   std::span<const RefractedWay> all() const { return {ways.data(), count}; }
 };
 
-/// The ways from x inside of the sphere to y outside. `eta` is the index inside over that outside.
+/// The ways from x inside of the sphere to y outside. `eta` is the index inside over that outside. Ways that are longer inside than
+/// `longest` may be left out.
 ///
 /// With the radius 1, a = |x|, b = |y| and u the angle at x between the ray and the line from the centre through x, a ray arrives on the
 /// sphere around y at the angle H(u) = u − asin(a sin u) + asin(ηa sin u) − asin(ηa sin u / b) from that line; ways are the roots of
@@ -42,6 +44,6 @@ struct RefractedWays {
 /// therefore bracketed.
 ///
 /// The solid angle follows from dω = sin u du dφ and dA = b² sin ψ dψ dφ cos γ, γ the angle between wo and the radius at y.
-RefractedWays refracted_ways(const Sphere& sphere, double eta, DVec3 x, DVec3 y);
+RefractedWays refracted_ways(const Sphere& sphere, double eta, DVec3 x, DVec3 y, double longest = std::numeric_limits<double>::infinity());
 
 }  // namespace woodcock

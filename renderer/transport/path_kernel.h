@@ -420,6 +420,23 @@ class PathKernel {
   void sample_through_glass(const DielectricSphere& body, const Lights::Choice& choice, const LightSample& light, DVec3 reference,
                             Evaluate&& evaluate);
 
+  /// Of light from deep inside little arrives: roulette by the transmittance, first as if the surface was as near as it can be. In steps
+  /// with one number, so that the light that goes on is divided by the last probability alone.
+  struct RefractionRoulette {
+    double u, sigma;  ///< σ > 0 where the body holds one homogeneous medium
+    double survival(double length) const { return sigma > 0 ? std::min(1.0, std::exp(-sigma * length) / kRefractionRoulette) : 1.0; }
+    double longest() const { return sigma > 0 ? -std::log(u * kRefractionRoulette) / sigma : static_cast<double>(kInf); }
+  };
+  RefractionRoulette refraction_roulette(const DielectricSphere& body) const {
+    const bool closed = body.is_empty && medium_ != kNone && world_.media[medium_].is_homogeneous() && ways_.closed_forms;
+    return {stream(key_, vertex_, Purpose::kRefraction).uniform_double(),
+            closed ? static_cast<double>(min_component(world_.media[medium_].homogeneous().sigma_t)) : 0};
+  }
+  bool survives_refraction(const DielectricSphere& body, DVec3 from) const {
+    const RefractionRoulette roulette = refraction_roulette(body);
+    return may_scatter() && roulette.u < roulette.survival(body.sphere.radius - glm::length(from - body.sphere.center));
+  }
+
   /// Light from there meets the glass from outside.
   static bool is_outside(const DielectricSphere& body, const LightSample& light) {
     return !light.is_bounded || length_squared(light.p - body.sphere.center) > body.sphere.radius * body.sphere.radius;

@@ -10,14 +10,14 @@ template <typename Evaluate>
 void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
   const auto choice = world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform_double(), reference, choose_by());
   if (!choice) return;
+  const DielectricSphere* glass = uses(kRefractedLight) ? world_.dielectric_around(reference) : nullptr;
+  // Where nothing is inside, every light is outside.
+  if (glass != nullptr && glass->is_empty && !survives_refraction(*glass, reference)) return;
   Stream random = stream(key_, vertex_, Purpose::kLightSample);
   const Vec2 u = random.uniform2();
   const auto light = world_.lights.sample(choice->light, reference, u, random.uniform_double(), choose_by());
   if (!light || is_black(light->radiance)) return;
-  if (uses(kRefractedLight)) {
-    if (const DielectricSphere* body = world_.dielectric_around(reference); body != nullptr && is_outside(*body, *light))
-      return sample_through_glass(*body, *choice, *light, reference, evaluate);
-  }
+  if (glass != nullptr && is_outside(*glass, *light)) return sample_through_glass(*glass, *choice, *light, reference, evaluate);
   Scattered scattered;
   evaluate(light->wi, scattered);
   if (is_black(scattered.value)) return;

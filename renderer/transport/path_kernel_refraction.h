@@ -30,21 +30,14 @@ void PathKernel<kMask>::sample_through_glass(const DielectricSphere& body, const
                                              DVec3 reference, Evaluate&& evaluate) {
   // The refraction is a scattering, too. What no ray meets by chance is left out, as it is without this technique.
   if (!may_scatter() || !light.is_bounded || light.delta) return;
-  // Of light from deep inside little arrives: roulette by the transmittance, first as if the surface was as near as it can be. In steps
-  // with one number, so that the light that goes on is divided by the last probability alone.
   const Sphere& sphere = body.sphere;
   const SurfaceInfo& surface = world_.surfaces[static_cast<size_t>(body.shape)];
-  const double u = stream(key_, vertex_, Purpose::kRefraction).uniform_double();
-  double sigma = 0;
-  if (body.is_empty && medium_ != kNone && world_.media[medium_].is_homogeneous() && ways_.closed_forms)
-    sigma = static_cast<double>(min_component(world_.media[medium_].homogeneous().sigma_t));
-  const auto survival = [&](double distance) { return sigma > 0 ? std::min(1.0, std::exp(-sigma * distance) / kRefractionRoulette) : 1.0; };
-  if (u >= survival(sphere.radius - glm::length(reference - sphere.center))) return;
-  const RefractedWays ways = refracted_ways(sphere, static_cast<double>(body.eta), reference, light.p);
+  const RefractionRoulette roulette = refraction_roulette(body);
+  const RefractedWays ways = refracted_ways(sphere, static_cast<double>(body.eta), reference, light.p, roulette.longest());
   Stream tracking = stream(key_, vertex_, Purpose::kTransmittance);
   for (const RefractedWay& way : ways.all()) {
-    const double length = glm::distance(way.v, reference), survives = survival(length);
-    if (u >= survives || !is_sampled<kMask>(surface, sphere, way)) continue;
+    const double length = glm::distance(way.v, reference), survives = roulette.survival(length);
+    if (roulette.u >= survives || !is_sampled<kMask>(surface, sphere, way)) continue;
     const double ratio = solid_angle_ratio(way, reference, light.p, DVec3(light.n));
     const float density = static_cast<float>(static_cast<double>(choice.pmf * light.pdf) / ratio);
     if (!(density > 0) || !std::isfinite(density)) continue;

@@ -25,7 +25,7 @@ struct DielectricSphere {
 inline constexpr size_t kMaxDielectricSpheres = 32;
 
 /// The full spheres, scaled uniformly, whose material is a dielectric of index other than one without roughness, normal map, opacity below
-/// one or emission, which touch nothing else and hold a medium that scatters or other shapes; the smallest first. `shapes`, `surfaces`
+/// one or emission, which hold a medium that scatters or other shapes; the smallest first. `shapes`, `surfaces`
 /// and `instances` as in the world; objects[i].first_shape of the objects that are placed.
 std::vector<DielectricSphere> find_dielectric_spheres(const SceneDescription& scene, const Geometry& geometry,
                                                       const std::vector<SurfaceInfo>& surfaces, const Media& media, int top_level,

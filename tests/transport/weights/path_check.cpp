@@ -399,8 +399,16 @@ void PathCheck::check_value(const LightAdded& e, const LastVertex& vertex, const
     radiance = scene_.medium(end.source).emission(end.p);
     nudged_radiance = scene_.medium(end.source).emission(end.p + kNudge);
   } else {
-    radiance = scene_.light(end.source).radiance(vertex.p, end.primitive, end.p, end.wi, sampled);
-    nudged_radiance = scene_.light(end.source).radiance(vertex.p + kNudge, end.primitive, end.p, end.wi, sampled);
+    DVec3 from = vertex.p, arrives = end.wi;
+    if (end.refracted) {
+      const Body* glass = scene_.glass_around(vertex.p);
+      const auto c = glass != nullptr ? cross(*glass, vertex.p, end.wi) : std::nullopt;
+      if (!c) throw TooNear{};
+      from = c->v;
+      arrives = c->wo;
+    }
+    radiance = scene_.light(end.source).radiance(from, end.primitive, end.p, arrives, sampled);
+    nudged_radiance = scene_.light(end.source).radiance(from + kNudge, end.primitive, end.p, arrives, sampled);
   }
   slack += so_far_.slack + 1e-4 + 4 * largest(nudged_radiance - radiance) / std::max(largest(radiance), 1e-30);
   compare("the radiance of a light", e.source_radiance, radiance, slack);

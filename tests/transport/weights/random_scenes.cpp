@@ -14,7 +14,7 @@ namespace {
 
 class Generator {
  public:
-  explicit Generator(uint64_t seed) : random_(hash_combine(seed, 0x4e3639)) {}
+  explicit Generator(uint64_t seed) : is_glassy_(seed % 4 == 0), random_(hash_combine(seed, 0x4e3639)) {}
 
   std::string scene() {
     // Nine places that are apart from each other by more than 0.8.
@@ -208,7 +208,7 @@ class Generator {
     const DVec3 p = place();
     const std::string name = fmt::format("m{}", places_.size());
     const double size = uniform(0.2, 0.36), half = 0.57 * size;
-    const bool glass = chance(0.3), cube = chance(0.4);
+    const bool glass = chance(is_glassy_ ? 0.9 : 0.3), cube = chance(is_glassy_ ? 0.1 : 0.4);
     const double depth = std::exp(uniform(-1, 3));
     const auto one = [&](const std::string& part) {
       text_ += chance(0.5) ? homogeneous(part, depth, chance(0.25)) : grid(part, p, (cube ? half : size) * uniform(0.7, 1.1), depth);
@@ -222,7 +222,7 @@ class Generator {
     }
     text_ += "AttributeBegin\n";
     text_ += glass ? fmt::format("Material \"dielectric\" \"float eta\" {:.4g} \"float roughness\" {:.3g}\n", uniform(1.1, 1.8),
-                                 chance(0.5) ? 0 : uniform(0.05, 0.5))
+                                 chance(is_glassy_ ? 0.8 : 0.5) ? 0 : uniform(0.05, 0.5))
                    : "Material \"interface\"\n";
     text_ += "MediumInterface \"" + name + "\" \"" + around_ + "\"\n";
     if (cube) {
@@ -312,6 +312,7 @@ class Generator {
     }
   }
 
+  bool is_glassy_;  ///< bodies are spheres of smooth glass, most of them
   Stream random_;
   std::vector<DVec3> places_;
   int mixes_ = 0;
