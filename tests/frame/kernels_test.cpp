@@ -110,7 +110,7 @@ TEST(Plan, OffHasTheSameExpectation) {
   for (const std::string name : {"cornell.pbrt", "cloud.pbrt", "effects.pbrt", "fire.pbrt", "fog.pbrt", "milk.pbrt"}) {
     const FrameRenderer frame = load(name);
     PathSettings settings = settings_of(frame);
-    constexpr int kSamples = 60000;
+    constexpr int kSamples = 110000;
     const auto render = [&](bool plan) {
       settings.plan = plan;
       PathCounters count;
