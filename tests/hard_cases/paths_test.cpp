@@ -269,7 +269,7 @@ struct Pixels {
 const Pixels& pixels() {
   static const Pixels result = [] {
     std::string text =
-        homogeneous("m", Rgb(0.5f), Rgb(1.5f), 0.5, Rgb(1)) + "MediumInterface \"\" \"m\"\n" + perspective({0, 0, 4}, {0, 0, 0}, 10, 3);
+        homogeneous("m", Rgb(1.5f), Rgb(0.5f), 0.5, Rgb(1)) + "MediumInterface \"\" \"m\"\n" + perspective({0, 0, 4}, {0, 0, 0}, 10, 3);
     const std::string perspective_camera = "Camera \"perspective\" \"float fov\" 10";
     text.replace(text.find(perspective_camera), perspective_camera.size(), "Camera \"orthographic\"");
     const CompiledScene scene = compile(text + "WorldBegin\n");

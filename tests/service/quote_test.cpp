@@ -119,13 +119,13 @@ TEST_F(ServiceQuote, OfADryRunMakesNoJobOfTheUsers) {
 TEST_F(ServiceQuote, AnAdaptiveJobTakesThePilotsResultsForItsFirstPass) {
   start_coordinator();
   start_worker();
-  const std::vector<std::string> scene{kScene, "--resolution", "128x96", "--target-error", "8%"};
+  const std::vector<std::string> scene{kScene, "--resolution", "128x96", "--target-error", "5%"};
   std::vector<std::string> words{"submit", "--quote", "--watch", "--json"};
   words.insert(words.end(), scene.begin(), scene.end());
   const json report = run_json(words);
   const json job = show(report["job_id"]);
   EXPECT_THAT(job["quote"]["uncertain"].get<std::string>(), HasSubstr("a target samples where the error is"));
-  EXPECT_NEAR(job["quote"]["relative_error"].get<double>(), 0.08, 1e-12);
+  EXPECT_NEAR(job["quote"]["relative_error"].get<double>(), 0.05, 1e-12);
   EXPECT_LT(job["progress"]["worker_seconds"], job["progress"]["result_seconds"]) << "the first pass was there";
   EXPECT_NEAR(job["progress"]["result_seconds"].get<double>(),
               job["progress"]["worker_seconds"].get<double>() +
