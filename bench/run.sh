@@ -34,7 +34,7 @@ log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 {
   cmake --preset release -DWOODCOCK_BUILD_BENCH=ON &&
-    cmake --build build/release --target surface_bench media_bench kernels lamps efficiency
+    cmake --build build/release --target surface_bench media_bench kernels many_lights efficiency
 } > "$log" 2>&1 || { cat "$log" >&2; exit 1; }
 programs=build/release/bench
 
@@ -63,9 +63,9 @@ echo
     }' || { cat "$log" >&2; exit 1; }
 
 echo
-echo "## Many lamps: choice by what arrives against choice by power"
+echo "## Many lights: choice by what arrives against choice by power"
 echo
-"$programs/lamps" --seconds "$seconds"
+"$programs/many_lights" --seconds "$seconds"
 
 echo
 echo "## The effect plan"

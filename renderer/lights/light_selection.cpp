@@ -8,7 +8,6 @@ namespace {
 
 /// Of the choices, that knows nothing of the point.
 constexpr double kDefensiveShare = 0.1;
-constexpr double kBelowOne = 0x1.fffffffffffffp-1;
 
 }  // namespace
 

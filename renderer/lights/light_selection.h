@@ -10,6 +10,9 @@
 
 namespace woodcock {
 
+/// The largest number that a random number used again may become.
+inline constexpr double kBelowOne = 0x1.fffffffffffffp-1;
+
 /// A binary tree over the bounds of lights, walked from the root with the importances of both children at each node (Conty Estevez &
 /// Kulla 2018, section 5). Split where the sum over both sides of intensity × surface × solid angle of emission is least (section 4.4).
 class LightTree {

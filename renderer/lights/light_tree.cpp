@@ -99,7 +99,6 @@ double LightTree::first_share(size_t node, DVec3 p) const {
 }
 
 LightTree::Choice LightTree::choose(double u, DVec3 p) const {
-  constexpr double kBelowOne = 0x1.fffffffffffffp-1;
   size_t node = 0;
   double probability = 1;
   while (!nodes_[node].leaf) {

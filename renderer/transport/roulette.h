@@ -8,9 +8,8 @@
 namespace woodcock {
 
 /// Paths that carry at least this share of what they began with go on without a decision. One whose throughput has fallen below is
-/// not worth a whole path, but the last few scatterings of a bright path bring much of its light: in thin media and on surfaces a
-/// threshold of one costs 1.6 to 2.8 times the work for the same error, a smaller one than this costs time in dense media
-/// (docs/performance.md).
+/// not worth a whole path, but the last few scatterings of a bright path bring much of its light: on surfaces and in
+/// thin media a threshold of one costs 1.3 to 1.6 times the work for the same error (docs/performance.md).
 inline constexpr float kRouletteThreshold = 0.25f;
 
 /// The probability with which a path of throughput β goes on (and β is divided by it): min(1, max |β| η² / (threshold · start)), where η²

@@ -49,6 +49,11 @@ CoatedDiffuseBsdf model(const Parameters& p) {
   return in_closed_form({coat, {p.reflectance}, nullptr});
 }
 
+Bsdf by_walks(Bsdf closed) {
+  use_walks(closed);
+  return closed;
+}
+
 std::string describe(const Parameters& p) {
   std::ostringstream out;
   out << "eta " << p.eta << " alpha " << p.alpha << " thickness " << p.thickness << " max depth " << p.max_depth;
@@ -65,8 +70,7 @@ TEST(LayeredClosedForms, AreTheMeanOfTheWalks) {
   Stream random(5);
   for (const Parameters& p : parameters()) {
     const Bsdf closed = model(p);
-    Bsdf walks = closed;
-    use_walks(walks);
+    const Bsdf walks = by_walks(closed);
     for (int pair = 0; pair < 4; ++pair) {
       const Vec3 wo = direction(0.05 + 0.95 * random.uniform_double(), 6.28 * random.uniform_double());
       const Vec3 wi = direction(0.05 + 0.95 * random.uniform_double(), 6.28 * random.uniform_double());
@@ -89,8 +93,7 @@ TEST(LayeredClosedForms, SampleWhatWalksSample) {
   Stream random(6);
   for (const Parameters& p : parameters()) {
     const Bsdf closed = model(p);
-    Bsdf walks = closed;
-    use_walks(walks);
+    const Bsdf walks = by_walks(closed);
     for (const double mu : {0.1, 0.9}) {
       const Vec3 wo = direction(mu, 1);
       std::array<Mean, 4> mean;  // total and delta lobe: walks, closed form
@@ -119,8 +122,7 @@ TEST(LayeredClosedForms, MirrorsUnderASmoothCoatAreTheMeanOfTheWalks) {
         coat.thickness = thickness;
         coat.max_depth = depth;
         const Bsdf closed = CoatedConductorBsdf{coat, {Rgb(0.15f, 0.5f, 0.8f), Rgb(2.5f), {}}};
-        Bsdf walks = closed;
-        use_walks(walks);
+        const Bsdf walks = by_walks(closed);
         Stream random(7);
         const Vec3 wo = direction(mu, 2);
         const Rgb expected = sample(closed, wo, random, random)->weight;

@@ -1,5 +1,5 @@
-// lamps [--seconds S]: a thousand lamps in fog, each light chosen by what arrives at the point against each chosen by power, as a table
-// in Markdown. The scene is made here: lamps of three kinds and a range of 256 in power over a street of 40 × 40 × 6 units.
+// many_lights [--seconds S]: up to a thousand lights in fog, chosen by what arrives at the point against by power, as a table
+// in Markdown. The scene is made here: lights of three kinds and a range of 256 in power over a street of 40 × 40 × 6 units.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -17,7 +17,7 @@ namespace {
 using namespace woodcock;
 using namespace woodcock::bench;
 
-std::string scene_of(int lamps, double density) {
+std::string scene_of(int lights, double density) {
   std::string text = fmt::format(
       "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"rgb sigma_s\" [ {0} {0} {0} ] \"rgb sigma_a\" [ {1} {1} {1} ]\n"
       "LookAt 0 -24 5  0 0 1  0 0 1\nMediumInterface \"\" \"fog\"\nCamera \"perspective\" \"float fov\" 50\n"
@@ -27,7 +27,7 @@ std::string scene_of(int lamps, double density) {
       density, density / 10);
   Stream random(0x6c616d7073ULL);
   const auto uniform = [&](double a, double b) { return a + (b - a) * random.uniform_double(); };
-  for (int i = 0; i < lamps; ++i) {
+  for (int i = 0; i < lights; ++i) {
     const double x = uniform(-20, 20), y = uniform(-20, 20), z = uniform(0.3, 6), power = std::exp2(uniform(-4, 4));
     if (i % 3 == 0) {
       text += fmt::format("LightSource \"point\" \"point3 from\" [ {0} {1} {2} ] \"rgb I\" [ {3} {3} {3} ]\n", x, y, z, power);
@@ -52,29 +52,29 @@ int main(int argc, char** argv) {
   double seconds = 1;
   if (argc == 3 && std::string(argv[1]) == "--seconds") seconds = std::atof(argv[2]);
   if ((argc != 1 && argc != 3) || !(seconds > 0)) {
-    fmt::print(stderr, "usage: lamps [--seconds S], S above 0\n");
+    fmt::print(stderr, "usage: many_lights [--seconds S], S above 0\n");
     return 2;
   }
-  const std::filesystem::path file = std::filesystem::temp_directory_path() / "woodcock_lamps.pbrt";
+  const std::filesystem::path file = std::filesystem::temp_directory_path() / "woodcock_many_lights.pbrt";
   try {
     fmt::print(
-        "| lamps | mean free path | efficiency of choosing by what arrives over by power | all rounds together | samples | bias |\n"
+        "| lights | mean free path | efficiency of choosing by what arrives over by power | all rounds together | samples | bias |\n"
         "|---|---|---|---|---|---|\n");
-    for (const int lamps : {10, 100, 1000})
+    for (const int lights : {10, 100, 1000})
       for (const double density : {0.02, 0.2}) {
-        std::ofstream(file) << scene_of(lamps, density);
+        std::ofstream(file) << scene_of(lights, density);
         std::vector<Contender> contenders(2);
         contenders[0].name = "auto";
         contenders[1].name = "auto without light-tree";
         contenders[1].settings.without = "light-tree";
         const auto outcomes = contest(file.string(), contenders, seconds);
-        fmt::print("| {} | {:.0f} | {} | {} | {} : {} | {} |\n", lamps, 1 / (1.1 * density),
+        fmt::print("| {} | {:.0f} | {} | {} | {} : {} | {} |\n", lights, 1 / (1.1 * density),
                    format(efficiency_ratio(outcomes[0], outcomes[1])), three_digits(pooled_efficiency_ratio(outcomes[0], outcomes[1])),
                    outcomes[0].samples, outcomes[1].samples, format_mean(outcomes[1].bias));
         std::fflush(stdout);
       }
   } catch (const std::exception& error) {
-    fmt::print(stderr, "lamps: {}\n", error.what());
+    fmt::print(stderr, "many_lights: {}\n", error.what());
     return 1;
   }
   std::filesystem::remove(file);
