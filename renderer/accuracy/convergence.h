@@ -2,10 +2,10 @@
 //
 // The counts of one render are nested: the samples [0, n) are a part of [0, 2n), so their errors are not independent.
 // For normal samples s² of the first m and of the first n samples have the covariance Var(s²_n) (s²_n is complete and
-// sufficient); with K = 8 replicates of n/8 samples each, squared means of a part and of the whole correlate by m/n. So
-//     corr(m, n) = g(m)/g(n),   g(n) = sqrt(n − 1) for n ≤ 8,   sqrt(7)·n/8 beyond,
+// sufficient); with K = 4 replicates of n/4 samples each, squared means of a part and of the whole correlate by m/n. So
+//     corr(m, n) = g(m)/g(n),   g(n) = sqrt(n − 1) for n ≤ 4,   sqrt(3)·n/4 beyond,
 // a Markov chain: the part of each error that the one before it does not explain is independent of all earlier ones, and
-// the fits here weigh these increments. From 8 samples on they are what independent dyadic halves contribute.
+// the fits here weigh these increments. From 4 samples on they are what independent dyadic halves contribute.
 #pragma once
 
 #include <cstdint>

@@ -93,14 +93,12 @@ struct ErrorSums::Impl {
   PixelWeights weights_of;
   ErrorEstimate error;
   // Of the first round.
-  std::array<double, kReplicates> replicate{};
-  std::array<int64_t, kReplicates> held{};  ///< pixels with samples in the replicate
-  double mean_sum = 0;
-  FoldWeights sum;
+  int fewest_degrees = kReplicates - 1;
+  double mean_sum = 0, samples_sum = 0;
   int64_t fireflies = 0, pixels_for_fireflies = 0;
   double largest_squares = 0;
   // Of the second.
-  double floor = 0, pixels = 0, variance = 0, relative = 0, relative_squares = 0, noise = 0, unbiased = 0;
+  double floor = 0, pixels = 0, variance = 0, variance_squares = 0, relative = 0, relative_squares = 0, noise = 0, unbiased = 0;
   double largest_absolute = 0, largest_relative = 0;
 
   void add_mean(const PixelStats& pixel) {
@@ -110,11 +108,8 @@ struct ErrorSums::Impl {
     }
     ++error.pixels;
     const FoldWeights& weights = weights_of.of(pixel);
-    sum.add(weights);
-    for (size_t k = 0; k < kReplicates; ++k) {
-      replicate[k] += static_cast<double>(pixel.replicate[k]);
-      held[k] += weights.of_replicate[k] > 0;
-    }
+    fewest_degrees = std::min(fewest_degrees, degrees_of(weights));
+    samples_sum += weights.samples;
     const double mean = mean_luminance(replicates_of(pixel), weights);
     mean_sum += mean;
     const double total = std::abs(mean) * weights.samples;
@@ -124,31 +119,26 @@ struct ErrorSums::Impl {
     largest_squares += largest_square_share(pixel, total / weights.samples, weights.samples);
   }
 
-  /// Replicate k of the whole image is the mean of the pixels' replicates; where pixels hold different numbers of samples its weight
-  /// is the mean of theirs. Each such mean is unbiased, and from 32 samples on, where the schedule's counts are multiples of 8, the
-  /// weights are exact. Replicates that some pixel has no samples of are left out: the interval then is wide rather than narrow.
   void end_means() {
     if (error.pixels == 0) return;
-    FoldWeights weights = sum;
-    weights.samples /= static_cast<double>(error.pixels);
-    for (double& n : weights.of_replicate) n /= static_cast<double>(error.pixels);
-    error.samples = std::llround(weights.samples);
-    weights.samples = 0;
-    for (size_t k = 0; k < kReplicates; ++k) {
-      replicate[k] /= static_cast<double>(error.pixels);
-      if (held[k] < error.pixels) weights.of_replicate[k] = 0;
-      weights.samples += weights.of_replicate[k];
-    }
-    error.degrees = std::max(0, degrees_of(weights));
+    error.samples = std::llround(samples_sum / static_cast<double>(error.pixels));
+    error.degrees = std::max(0, fewest_degrees);
     error.image_mean = mean_sum / static_cast<double>(error.pixels);
     floor = 0.01 * error.image_mean;
     if (pixels_for_fireflies > 0) {
       error.firefly_share = static_cast<double>(fireflies) / static_cast<double>(pixels_for_fireflies);
       error.largest_square_share = largest_squares / static_cast<double>(pixels_for_fireflies);
     }
-    if (error.degrees < 1) return;
-    error.image_mean_standard_error = std::sqrt(variance_between(replicate, weights));
-    error.image_mean_half_width = student_quantile(0.5 + kConfidence / 2, error.degrees) * *error.image_mean_standard_error;
+  }
+
+  /// Var of the mean of independent pixels is Σ v_p/N². With v_p of ν degrees each, E[Σ v_p²] = (1 + 2/ν) Σ σ_p⁴, so that
+  /// (ν + 2) (Σ v)²/Σ v² − 2 estimates the degrees of the sum, 2 (Σ σ²)²/Var(Σ v): ν for one pixel, N ν for N alike (Satterthwaite 1946,
+  /// "An Approximate Distribution of Estimates of Variance Components").
+  void end_image_mean() {
+    error.image_mean_standard_error = std::sqrt(variance) / pixels;
+    const double nu = error.degrees;
+    error.image_mean_degrees = variance_squares > 0 ? std::max(nu, (nu + 2) * (variance * variance / variance_squares) - 2) : nu;
+    error.image_mean_half_width = student_quantile(0.5 + kConfidence / 2, *error.image_mean_degrees) * *error.image_mean_standard_error;
   }
 
   void add_error(const PixelStats& pixel) {
@@ -160,6 +150,7 @@ struct ErrorSums::Impl {
     const auto [v, mean, scale, term] = pixel_error(values, weights, floor);
     if (error.degrees >= 2) unbiased += jackknifed_term(values, weights, term, floor);
     variance += v;
+    variance_squares += v * v;
     relative += term;
     relative_squares += term * term;
     // E[t²] = E[t]²·(1 + 2/ν), so 2/(ν + 2)·t² is on average the variance of a term that is a multiple of χ²; a mean that is
@@ -172,6 +163,7 @@ struct ErrorSums::Impl {
 
   void end_errors() {
     if (pixels == 0 || error.degrees < 1) return;
+    end_image_mean();
     const double mse = relative / pixels;
     error.relative_mse = mse;
     error.standard_error = std::sqrt(variance / pixels);
@@ -296,8 +288,8 @@ std::string format_error(const ErrorEstimate& error) {
         error.image_mean);
     return text;
   }
-  text += fmt::format("image mean {:.6g} ± {:.2g} (95 %, Student's t between {} replicates)\n", error.image_mean,
-                      *error.image_mean_half_width, error.degrees + 1);
+  text += fmt::format("image mean {:.6g} ± {:.2g} (95 %, Student's t with {:.0f} degrees of freedom)\n", error.image_mean,
+                      *error.image_mean_half_width, *error.image_mean_degrees);
   text +=
       fmt::format("relative error {:.3g} % ± {:.2g} % (95 %); relative MSE {:.3g}; standard error {:.3g}\n",
                   100 * error.relative_error->value, 100 * error.relative_error->half_width, *error.relative_mse, *error.standard_error);
@@ -315,6 +307,7 @@ std::vector<std::pair<std::string, double>> error_fields(const ErrorEstimate& er
     if (value) fields.emplace_back(name, *value);
   };
   add("image_mean_standard_error", error.image_mean_standard_error);
+  add("image_mean_degrees", error.image_mean_degrees);
   add("image_mean_half_width", error.image_mean_half_width);
   if (error.relative_error) {
     add("relative_error", error.relative_error->value);
@@ -352,6 +345,7 @@ ErrorEstimate error_from_fields(const std::map<std::string, double>& fields) {
   e.image_mean = number("image_mean").value_or(0);
   e.degrees = static_cast<int>(std::clamp<int64_t>(e.samples - 1, 0, static_cast<int64_t>(kReplicates) - 1));
   e.image_mean_standard_error = number("image_mean_standard_error");
+  e.image_mean_degrees = number("image_mean_degrees");
   e.image_mean_half_width = number("image_mean_half_width");
   e.relative_mse = number("relative_mse");
   if (const auto value = number("relative_error")) {

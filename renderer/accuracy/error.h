@@ -1,7 +1,7 @@
 // The error a frame has reached, from its own statistics.
 //
-// Errors are estimated *between* the 8 replicates, not from the scatter of single samples: with low-discrepancy numbers
-// the samples of a replicate depend on each other, the replicates do not. Fewer than 8 samples are of as many
+// Errors are estimated *between* the 4 replicates, not from the scatter of single samples: with low-discrepancy numbers
+// the samples of a replicate depend on each other, the replicates do not. Fewer than 4 samples are of as many
 // replicates; from one sample nothing follows. All quantities are of Rec. 709 luminance.
 // The sums use + − × ÷ and √ in double, in the order of the pixels, so that every program gets the same result.
 #pragma once
@@ -34,10 +34,13 @@ struct ErrorEstimate {
   int64_t samples = 0;  ///< per pixel; the rounded mean where blocks hold different numbers
   int64_t pixels = 0;   ///< with all their samples; the others are left out of every mean
   int64_t missing_pixels = 0;
-  double image_mean = 0;                            ///< mean over the pixels
-  int degrees = 0;                                  ///< of freedom: the replicates that hold samples, less one; 7 from 8 samples on
-  std::optional<double> image_mean_standard_error;  ///< between the replicates
-  /// Half width of the 95 % interval of `image_mean`, by Student's t between the replicates.
+  double image_mean = 0;  ///< mean over the pixels
+  int degrees = 0;        ///< of freedom: the replicates that hold samples, less one; 3 from 4 samples on
+  /// Of the pixels' variances, which are independent: their numbers are scrambled for each pixel by itself.
+  std::optional<double> image_mean_standard_error;
+  /// Degrees of freedom of the former (Welch & Satterthwaite): the more, the evener the pixels' variances are.
+  std::optional<double> image_mean_degrees;
+  /// Half width of the 95 % interval of `image_mean`, by Student's t.
   std::optional<double> image_mean_half_width;
   /// E = sqrt(mean over pixels of Var(x̄)/(x̄² + (0.01·image mean)²)), and a 95 % interval from the scatter of the pixels
   /// (wide of the truth rather than narrow: differences between parts of the image count as scatter).
@@ -63,7 +66,7 @@ struct ErrorEstimate {
 /// Below this the largest of ordinary samples is a tenth of the whole anyway.
 inline constexpr int64_t kFireflySamples = 64;
 
-/// Var(x̄) of one pixel's luminance: Σ n_k (r_k − x̄)² / ((K − 1)·n) over the K ≤ 8 replicates that hold n_k > 0 samples of
+/// Var(x̄) of one pixel's luminance: Σ n_k (r_k − x̄)² / ((K − 1)·n) over the K ≤ 4 replicates that hold n_k > 0 samples of
 /// mean r_k; unbiased for independent replicates. `weights` as for the pixel's range, with two replicates at least.
 double variance_of_mean(const PixelStats& pixel, const FoldWeights& weights);
 

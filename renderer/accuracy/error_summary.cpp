@@ -18,6 +18,7 @@ constexpr Number kNumbers[] = {
     {"error.pixels", 1, [](const ErrorEstimate& e) { return std::optional(static_cast<double>(e.pixels)); }},
     {"error.image_mean", 1, [](const ErrorEstimate& e) { return std::optional(e.image_mean); }},
     {"error.degrees", 2, [](const ErrorEstimate& e) { return std::optional<double>(e.degrees); }},
+    {"error.mean_degrees", 2, [](const ErrorEstimate& e) { return e.image_mean_degrees; }},
     {"error.image_mean_error", 2, [](const ErrorEstimate& e) { return e.image_mean_standard_error; }},
     {"error.relative_error", 2,
      [](const ErrorEstimate& e) { return e.relative_error ? std::optional(e.relative_error->value) : std::nullopt; }},

@@ -59,7 +59,7 @@ Measured measure(const std::filesystem::path& path) {
 }
 
 /// Welch & Satterthwaite: the degrees of freedom of the sum of two estimated variances.
-double welch_degrees(double va, int da, double vb, int db) {
+double welch_degrees(double va, double da, double vb, double db) {
   double sum = 0;
   if (da > 0) sum += va * va / da;
   if (db > 0) sum += vb * vb / db;
@@ -100,7 +100,8 @@ std::optional<NoiseTest> test_noise(const std::filesystem::path& picture, const 
   test.caution = caution_of(a, b);
 
   const double sa = a.error.image_mean_standard_error.value_or(0), sb = b.error.image_mean_standard_error.value_or(0);
-  const double variance = sa * sa + sb * sb, degrees = welch_degrees(sa * sa, a.degrees, sb * sb, b.degrees);
+  const double variance = sa * sa + sb * sb,
+               degrees = welch_degrees(sa * sa, a.error.image_mean_degrees.value_or(0), sb * sb, b.error.image_mean_degrees.value_or(0));
   test.mean_difference.value = a.error.image_mean - b.error.image_mean;
   test.mean_difference.half_width = student_quantile(0.975, degrees) * std::sqrt(variance);
   if (variance > 0) test.mean_z = test.mean_difference.value / std::sqrt(variance);

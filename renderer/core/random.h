@@ -117,8 +117,9 @@ struct PathKey {
   bool low_discrepancy = false;
 };
 
-/// Sample i belongs to replicate i mod kReplicates. Errors are estimated between replicates.
-inline constexpr int kReplicates = 8;
+/// Sample i belongs to replicate i mod kReplicates. Errors are estimated between replicates. Fewer have less noise, since each sequence
+/// has more points: with 8, 4 and 1 the cornell box has 1, 0.89 and 0.7 of the squared error. More tell the error better.
+inline constexpr int kReplicates = 4;
 /// Leading points serve the first vertices of a path; later ones depend on too much for evenness to help.
 inline constexpr uint32_t kLeadingVertices = 4;
 

@@ -3,7 +3,7 @@
 // A node file holds one rectangle of pixels and a range of samples as plain float32 channels. It is what a frame is resumed from
 // and merged of; what people look at is the picture that is made of it (see picture_file.h).
 //
-//   R G B                mean radiance              replicate.0 … .7   mean luminance of each replicate
+//   R G B                mean radiance              replicate.0 … .3   mean luminance of each replicate
 //   deviation.R .G .B    standard deviation         largest            largest |luminance| of one sample
 //   count                samples; 0 = missing       albedo.R .G .B, normal.X .Y .Z, depth.Z   as the AOV set says
 //

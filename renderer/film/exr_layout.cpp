@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::string_view kPrefix = "woodcock:";
 constexpr std::string_view kSetting = "setting.";
-constexpr std::string_view kFormat = "1";
+constexpr std::string_view kFormat = "2";
 constexpr std::string_view kPictureFormat = "picture 1";
 
 [[noreturn]] void refuse(std::string_view name, std::string_view reason) { throw FilmError(name, reason); }

@@ -26,7 +26,7 @@
 namespace woodcock {
 
 /// Nodes of this level hold a sample of every replicate: 2^kReplicateLevel = kReplicates.
-inline constexpr int kReplicateLevel = 3;
+inline constexpr int kReplicateLevel = 2;
 
 /// What one sample sees at its first event that is no interface, at a surface or in a medium: averaged as radiance is. All zero where it
 /// saw nothing, depth included, so that every number stays finite.
@@ -40,7 +40,7 @@ struct Aovs {
 struct PixelStats {
   Rgb mean{0};
   Rgb deviation{0};  ///< population standard deviation of each channel, sqrt(M2/n)
-  /// Mean luminance of the samples of each replicate. A node below level 3 holds some replicates only; the others are 0.
+  /// Mean luminance of the samples of each replicate. A node below level 2 holds some replicates only; the others are 0.
   std::array<float, kReplicates> replicate{};
   float largest = 0;  ///< largest |luminance| of one sample: finds fireflies, negative filter lobes included
   float count = 0;    ///< number of samples, a power of two and so exact; 0: this pixel of the node is missing
@@ -50,7 +50,7 @@ struct PixelStats {
 
   bool missing() const { return count == 0; }
 };
-static_assert(sizeof(PixelStats) == 23 * sizeof(float));
+static_assert(sizeof(PixelStats) == 19 * sizeof(float));
 
 namespace film {
 
@@ -93,8 +93,8 @@ inline PixelStats leaf(Rgb radiance, const Aovs& aovs, int64_t sample_index) {
 }
 
 /// The parent of two siblings, `left` being the one with the smaller indices. `child_level` is the level j of the
-/// children, which hold 2^j samples each. Below level 3 the children hold different replicates and the parent holds
-/// both; from level 3 on each replicate is averaged. A parent with a missing child is missing: half a node is no
+/// children, which hold 2^j samples each. Below level 2 the children hold different replicates and the parent holds
+/// both; from level 2 on each replicate is averaged. A parent with a missing child is missing: half a node is no
 /// estimate of the whole, and averaging what is there would hide the hole.
 inline PixelStats merge(const PixelStats& left, const PixelStats& right, int child_level) {
   using film::half_sum;

@@ -35,6 +35,7 @@ TEST(ErrorSummary, SaysWhatTheFileItselfSays) {
     EXPECT_EQ(number(folder / "frame.exr", "image_mean"), static_cast<float>(error.image_mean));
     EXPECT_EQ(number(folder / "frame.exr", "relative_error"), static_cast<float>(error.relative_error->value));
     EXPECT_EQ(number(folder / "frame.exr", "relative_mse"), static_cast<float>(*error.relative_mse));
+    EXPECT_EQ(number(folder / "frame.exr", "mean_degrees"), static_cast<float>(*error.image_mean_degrees));
     EXPECT_EQ(number(folder / "frame.exr", "image_mean_error"), static_cast<float>(*error.image_mean_standard_error));
     EXPECT_EQ(number(folder / "frame.exr", "firefly_share").has_value(), range.size() >= 64);
   }

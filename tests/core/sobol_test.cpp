@@ -52,7 +52,7 @@ TEST(Sobol, SamplesOfAReplicateAreEvenAndReplicatesHaveSequencesOfTheirOwn) {
   const auto point = [](uint64_t sample) { return stream(path_key(7, 3, 4, sample, 0, true), 1, Purpose::kDirection).uniform2(); };
   std::set<std::pair<int, int>> boxes;
   for (uint64_t i = 0; i < 16; ++i) {
-    const Vec2 p = point(8 * i + 2);
+    const Vec2 p = point(kReplicates * i + 2);
     boxes.insert({static_cast<int>(4 * p.x), static_cast<int>(4 * p.y)});
   }
   EXPECT_EQ(boxes.size(), 16u);

@@ -176,7 +176,7 @@ TEST(HardCases, N46_low_discrepancy_numbers_go_on_beyond_the_end_of_a_sequence) 
   const uint64_t seed = frame_seed(1, 0);
   std::set<std::pair<float, float>> points;
   int count = 0;
-  // A replicate's place in its sequence is the sample index over eight: its ends and the middle, and beyond.
+  // A replicate's place in its sequence is the sample index over their number: its ends and the middle, and beyond.
   for (const uint64_t place :
        {uint64_t{0}, uint64_t{1} << 30, (uint64_t{1} << 32) - 500, uint64_t{1} << 32, uint64_t{1} << 33, uint64_t{1} << 55})
     for (uint64_t i = 0; i < 1000; ++i, ++count) {
