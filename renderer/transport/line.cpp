@@ -46,7 +46,7 @@ class Line {
   explicit Line(WalkSample& sample) : sample_(sample) {}
 
   void follow_all(const Walk& w) {
-    LineRay ray = begin(w, w.first ? sample_.settings.paper.directions : 1);
+    LineRay ray = begin(w, w.first ? sample_.plan.paper.directions : 1);
     follow(sample_, w, 1, [this, &ray](Walk& walk, const std::optional<Hit>& hit) {
       if (walk.vertex != ray.vertex && !walk.first) ray = begin(walk, 1);
       return fly(walk, hit, ray);
@@ -63,7 +63,7 @@ class Line {
 
   /// What is added to σt so that distances are found wherever there are sources: 0 but for terms that are left out.
   double added_extinction(const Medium& medium, bool scatters) const {
-    const TransferTerms& terms = sample_.settings.terms;
+    const TransferTerms& terms = sample_.plan.terms;
     const bool hidden = (medium.emits() && !terms.absorption) || (scatters && !terms.out_scattering);
     return hidden ? static_cast<double>(medium.maximum_sigma_t()) : 0;
   }
@@ -80,7 +80,7 @@ class Line {
     const Rgb beta = w.beta;
     // Where this channel is not dimmed for ever its depth grows no more, and at infinity other channels that are not remain, too.
     const bool grows = !endless || endless->point.sigma_t[h] > 0 || added > 0;
-    RaySteps steps(sample_, medium, w.ray, grows ? z : endless->from, sample_.settings.paper.step, w.flight.uniform());
+    RaySteps steps(sample_, medium, w.ray, grows ? z : endless->from, sample_.plan.paper.step, w.flight.uniform());
     double marched = 0;  // ∫ κ from the segment's start in channel h, κ = σt + added
     while (steps.next()) {
       const double kappa = static_cast<double>(steps.point().sigma_t[h]) + added;
@@ -136,9 +136,9 @@ class Line {
 
 }  // namespace
 
-PathResult trace_line(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
+PathResult trace_line(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
   ++count.paths;
-  WalkSample sample{world, settings, count};
+  WalkSample sample{world, plan, count};
   Line(sample).follow_all(Walk(ray, world.camera_medium, key));
   return sample.result;
 }

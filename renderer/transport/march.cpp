@@ -46,7 +46,7 @@ class Marching {
     if (endless) fading = Rgb(glm::greaterThan(endless->point.sigma_t, Rgb(0)));
     const double reach = endless && is_black(fading * w.beta) ? endless->from : z;
 
-    RaySteps steps(sample_, medium, w.ray, reach, sample_.settings.paper.step, w.flight.uniform());
+    RaySteps steps(sample_, medium, w.ray, reach, sample_.plan.paper.step, w.flight.uniform());
     Choice choice;
     std::optional<double> chosen_t;
     Rgb chosen(0);
@@ -90,7 +90,7 @@ class Marching {
 
   /// N directions of one step of the first ray that scatters.
   void scatter_all(const Walk& w, const Medium& medium, Rgb weight, DVec3 p) {
-    const int n = sample_.settings.paper.directions;
+    const int n = sample_.plan.paper.directions;
     for (int j = 0; j < n && !sample_.stopped; ++j) {
       Walk branch = sample_.branch(w, weight / static_cast<float>(n));
       if (scatter_(sample_, branch, medium, p)) follow_all(branch);
@@ -101,21 +101,21 @@ class Marching {
   const ScatterFunction scatter_;
 };
 
-PathResult trace(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count, ScatterFunction scatter) {
+PathResult trace(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count, ScatterFunction scatter) {
   ++count.paths;
-  WalkSample sample{world, settings, count};
+  WalkSample sample{world, plan, count};
   Marching(sample, scatter).follow_all(Walk(ray, world.camera_medium, key));
   return sample.result;
 }
 
 }  // namespace
 
-PathResult trace_march(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
-  return trace(world, settings, ray, key, count, scatter_uniformly);
+PathResult trace_march(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
+  return trace(world, plan, ray, key, count, scatter_uniformly);
 }
 
-PathResult trace_march_phase(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
-  return trace(world, settings, ray, key, count, scatter_by_phase);
+PathResult trace_march_phase(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
+  return trace(world, plan, ray, key, count, scatter_by_phase);
 }
 
 }  // namespace woodcock

@@ -17,6 +17,7 @@
 #include "renderer/transport/mis.h"
 #include "renderer/transport/path.h"
 #include "renderer/transport/path_record.h"
+#include "renderer/transport/render_plan.h"
 #include "renderer/transport/roulette.h"
 #include "renderer/transport/tentative_collisions.h"
 #include "renderer/transport/transmittance.h"
@@ -39,11 +40,10 @@ namespace woodcock {
 template <uint32_t kMask>
 class PathKernel {
  public:
-  PathKernel(const World& world, const PathSettings& settings, uint32_t effects, Ray ray, PathKey key, PathCounters& count)
+  PathKernel(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count)
       : world_(world),
-        settings_(settings),
-        effects_(effects),
-        ways_(transmittance_ways(settings)),
+        plan_(plan),
+        effects_(plan.effects),
         count_(count),
         key_(key),
         ray_(ray),
@@ -52,7 +52,7 @@ class PathKernel {
         channel_(0),
         crossing_(0),
         equiangular_(0) {
-    if (uses(kChromaticExtinction) && !settings.features.has(Feature::kChannelMixture)) {
+    if (uses(kChromaticExtinction) && !plan.channel_mixture) {
       // One channel a path, each in turn at random: the others carry nothing.
       const int only = std::min(2, static_cast<int>(3 * stream(key, 0, Purpose::kHeroChannel).uniform()));
       beta_ = Rgb(0);
@@ -141,7 +141,7 @@ class PathKernel {
     if constexpr ((kMask & kEquiangular) != 0) equiangular_ = stream(key_, vertex_, Purpose::kEquiangular);
   }
 
-  bool may_scatter() const { return depth_ < settings_.max_depth; }
+  bool may_scatter() const { return depth_ < plan_.max_depth; }
 
   // --- media ---------------------------------------------------------------------------------------------
 
@@ -154,7 +154,7 @@ class PathKernel {
       this_flight_ = {ray_, t_max, 0, medium_, shares()};
       if (vertex_ < kEquiangularVertices && medium.scatters() && may_scatter()) sample_equiangular(medium, t_max);
     }
-    if (uses(kHomogeneousMedia) && medium.is_homogeneous() && (ways_.closed_forms || !std::isfinite(t_max)) &&
+    if (uses(kHomogeneousMedia) && medium.is_homogeneous() && (plan_.transmittance.closed_forms || !std::isfinite(t_max)) &&
         has_closed_forms(medium.homogeneous()))
       return fly_homogeneous(medium.homogeneous(), is_chromatic(medium), t_max);
     if (uses(kHeterogeneousMedia) && !medium.parts().empty() && !medium.is_homogeneous()) {
@@ -163,7 +163,7 @@ class PathKernel {
     return track(medium, t_max);
   }
 
-  bool is_chromatic(const Medium& medium) const { return uses(kChromaticExtinction) && !(ways_.grey && medium.is_grey()); }
+  bool is_chromatic(const Medium& medium) const { return uses(kChromaticExtinction) && !(plan_.transmittance.grey && medium.is_grey()); }
 
   /// Closed forms. Emission of the whole segment: ∫₀ᵗ exp(−σt s) σa Le ds.
   std::optional<double> fly_homogeneous(const MediumPoint& m, bool chromatic, double t_max);
@@ -186,7 +186,7 @@ class PathKernel {
 
   /// In long flights, now and then: whether the render is to end.
   bool is_cancelled() {
-    if (!flight_is_cancelled(ways_, count_)) return false;
+    if (!flight_is_cancelled(plan_.transmittance, count_)) return false;
     stopped_ = ended_ = true;
     return true;
   }
@@ -293,7 +293,7 @@ class PathKernel {
       }
       const int material = world_.materials.resolve(info.material, context, crossing_);
       if (auto bsdf = world_.materials.bsdf(material, context, crossing_)) {
-        if (!settings_.features.has(Feature::kLayeredClosedForms)) use_walks(*bsdf);
+        if (!plan_.layered_closed_forms) use_walks(*bsdf);
         note([&] { return SurfaceScatters{s.p, -ray_.d, s.ng, s.ns, s.dpdu, material}; });
         const int joined = uses(kTouching) && here_ ? join_dielectrics(world_, *here_, member, ray_.d, medium_, crossing_, *bsdf) : kNone;
         return scatter_at_surface(s, info, *bsdf, world_.materials.shading_normal(material, context, {s.ns, s.dpdu, s.dpdv}), member,
@@ -374,11 +374,9 @@ class PathKernel {
   }
 
   Shadow shadow(const Ray& ray, double distance, int medium, TargetPrimitive target, Stream& random) {
-    return trace_shadow(world_, ray, distance, medium, target, random, ways_, uses(kPassableSurfaces), count_,
+    return trace_shadow(world_, ray, distance, medium, target, random, plan_.transmittance, uses(kPassableSurfaces), count_,
                         uses(kTouching) && here_ ? &*here_ : nullptr);
   }
-
-  ChooseBy choose_by() const { return settings_.features.has(Feature::kLightTree) ? ChooseBy::kArrival : ChooseBy::kPower; }
 
   /// Next-event estimation: one light, chosen by what arrives at the reference point.
   template <typename Evaluate>
@@ -428,7 +426,7 @@ class PathKernel {
     double longest() const { return sigma > 0 ? -std::log(u * kRefractionRoulette) / sigma : static_cast<double>(kInf); }
   };
   RefractionRoulette refraction_roulette(const DielectricSphere& body) const {
-    const bool closed = body.is_empty && medium_ != kNone && world_.media[medium_].is_homogeneous() && ways_.closed_forms;
+    const bool closed = body.is_empty && medium_ != kNone && world_.media[medium_].is_homogeneous() && plan_.transmittance.closed_forms;
     return {stream(key_, vertex_, Purpose::kRefraction).uniform_double(),
             closed ? static_cast<double>(min_component(world_.media[medium_].homogeneous().sigma_t)) : 0};
   }
@@ -455,8 +453,6 @@ class PathKernel {
   /// A point of an emitting grid, its bricks chosen by power: ∫ f T σa Le dω dt over the points of the medium.
   template <typename Evaluate>
   void sample_emission(DVec3 reference, Evaluate&& evaluate);
-
-  bool with_mis() const { return settings_.features.has(Feature::kMis); }
 
   void add_emission(const Hit& hit, const SurfacePoint& s, int light);
 
@@ -506,13 +502,13 @@ class PathKernel {
   void next_vertex() {
     ++vertex_;
     ++depth_;
-    if ((++count_.vertices & (kReportEvery - 1)) == 0 && settings_.watch != nullptr) report();
+    if ((++count_.vertices & (kReportEvery - 1)) == 0 && plan_.watch != nullptr) report();
   }
 
   /// Long paths move the counter and can be stopped.
   void report() {
-    settings_.watch->vertices.fetch_add(kReportEvery, std::memory_order_relaxed);
-    stopped_ = settings_.watch->cancel.load(std::memory_order_relaxed);
+    plan_.watch->vertices.fetch_add(kReportEvery, std::memory_order_relaxed);
+    stopped_ = plan_.watch->cancel.load(std::memory_order_relaxed);
   }
 
   void after_scattering(DVec3 at) {
@@ -524,7 +520,7 @@ class PathKernel {
   /// Russian roulette from the second scattering on.
   bool survives_roulette() {
     if (stopped_) return false;
-    if (depth_ < 2 || !settings_.features.has(Feature::kRoulette)) return !is_black(beta_);
+    if (depth_ < 2 || !plan_.roulette) return !is_black(beta_);
     const float q = roulette_survival(beta_, eta_scale_);
     if (q >= 1) return true;
     if (!(q > 0) || stream(key_, vertex_, Purpose::kRoulette).uniform_double() >= static_cast<double>(q)) return false;
@@ -534,9 +530,8 @@ class PathKernel {
   }
 
   const World& world_;
-  const PathSettings& settings_;
+  const RenderPlan& plan_;
   const uint32_t effects_;
-  const TransmittanceWays ways_;
   PathCounters& count_;
   const PathKey key_;
   PathResult result_;

@@ -48,10 +48,10 @@ Flight pass(WalkSample& sample, Walk& w, const std::optional<Hit>& hit) {
 
 }  // namespace
 
-PathResult trace_uniform_path(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
+PathResult trace_uniform_path(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
   ++count.paths;
-  WalkSample sample{world, settings, count};
-  follow(sample, Walk(ray, world.camera_medium, key), settings.paper.branching,
+  WalkSample sample{world, plan, count};
+  follow(sample, Walk(ray, world.camera_medium, key), plan.paper.branching,
          [&](Walk& w, const std::optional<Hit>& hit) { return pass(sample, w, hit); });
   return sample.result;
 }

@@ -72,9 +72,9 @@ void WalkSample::see(const Walk& w, float share, Rgb albedo, Vec3 normal, double
 void WalkSample::next_vertex(Walk& w) {
   ++w.vertex;
   ++w.depth;
-  if ((++count.vertices & (kReportEvery - 1)) != 0 || settings.watch == nullptr) return;
-  settings.watch->vertices.fetch_add(kReportEvery, std::memory_order_relaxed);
-  stopped = stopped || settings.watch->cancel.load(std::memory_order_relaxed);
+  if ((++count.vertices & (kReportEvery - 1)) != 0 || plan.watch == nullptr) return;
+  plan.watch->vertices.fetch_add(kReportEvery, std::memory_order_relaxed);
+  stopped = stopped || plan.watch->cancel.load(std::memory_order_relaxed);
 }
 
 Walk WalkSample::branch(const Walk& w, Rgb weight) {

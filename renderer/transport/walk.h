@@ -8,8 +8,7 @@
 #include <optional>
 
 #include "renderer/media/extent.h"
-#include "renderer/transport/path.h"
-#include "renderer/transport/transmittance.h"
+#include "renderer/transport/render_plan.h"
 #include "renderer/transport/vertex.h"
 #include "renderer/world/junction.h"
 
@@ -50,14 +49,14 @@ enum class Flight {
 /// One sample in the making: what all of its walks add to.
 struct WalkSample {
   const World& world;
-  const PathSettings& settings;
+  const RenderPlan& plan;
   PathCounters& count;
   PathResult result{};
   uint32_t branches = 0;  ///< begun so far; they number the keys
   uint64_t looks = 0;
   bool stopped = false;
 
-  bool may_scatter(const Walk& w) const { return w.depth < settings.max_depth; }
+  bool may_scatter(const Walk& w) const { return w.depth < plan.max_depth; }
   void add(const Walk& w, Rgb radiance) { result.radiance += w.beta * radiance; }
   /// The first event of a share of this sample, for the AOVs. `distance` from the walk's ray origin, in render units.
   void see(const Walk& w, float share, Rgb albedo, Vec3 normal, double distance);
@@ -65,8 +64,8 @@ struct WalkSample {
   void next_vertex(Walk& w);
   /// The coefficients at a point: counted where they are looked up, and now and then a look at whether the sample is to end.
   MediumPoint look_up(const Medium& medium, DVec3 p) {
-    if ((++looks & (kReportEvery - 1)) == 0 && settings.watch != nullptr)
-      stopped = stopped || settings.watch->cancel.load(std::memory_order_relaxed);
+    if ((++looks & (kReportEvery - 1)) == 0 && plan.watch != nullptr)
+      stopped = stopped || plan.watch->cancel.load(std::memory_order_relaxed);
     if (medium.is_homogeneous()) return medium.homogeneous();
     ++count.medium_lookups;
     return medium.at(p);

@@ -67,9 +67,9 @@ Flight fly(WalkSample& sample, Walk& w, const std::optional<Hit>& hit, ScatterFu
   }
 }
 
-PathResult trace(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count, ScatterFunction scatter) {
+PathResult trace(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count, ScatterFunction scatter) {
   ++count.paths;
-  WalkSample sample{world, settings, count};
+  WalkSample sample{world, plan, count};
   follow(sample, Walk(ray, world.camera_medium, key), 1,
          [&](Walk& w, const std::optional<Hit>& hit) { return fly(sample, w, hit, scatter); });
   return sample.result;
@@ -77,12 +77,12 @@ PathResult trace(const World& world, const PathSettings& settings, Ray ray, Path
 
 }  // namespace
 
-PathResult trace_woodcock(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
-  return trace(world, settings, ray, key, count, scatter_uniformly);
+PathResult trace_woodcock(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
+  return trace(world, plan, ray, key, count, scatter_uniformly);
 }
 
-PathResult trace_woodcock_phase(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
-  return trace(world, settings, ray, key, count, scatter_by_phase);
+PathResult trace_woodcock_phase(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
+  return trace(world, plan, ray, key, count, scatter_by_phase);
 }
 
 }  // namespace woodcock

@@ -4,9 +4,9 @@
 
 namespace woodcock::testing {
 
-PathResult record_path(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count, PathRecord& record) {
+PathResult record_path(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count, PathRecord& record) {
   ++count.paths;
-  PathKernel<kAllEffects | kRecorded> kernel(world, settings, active_effects(world, settings), ray, key, count);
+  PathKernel<kAllEffects | kRecorded> kernel(world, plan, ray, key, count);
   record.clear();
   kernel.record(record);
   return kernel.run();
