@@ -13,7 +13,8 @@ namespace woodcock {
 template <uint32_t kMask>
 PathResult run_kernel(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
   ++count.paths;
-  return PathKernel<kMask>(world, plan, ray, key, count).run();
+  PathSample sample{world, plan, count};
+  return PathKernel<kMask>(sample, ray, key).run();
 }
 
 /// The kernels of these sets of effects.

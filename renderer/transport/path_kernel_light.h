@@ -57,7 +57,7 @@ void PathKernel<kMask>::sample_emission(DVec3 reference, Evaluate&& evaluate) {
   double distance = glm::length(to);
   if (!(distance > 0)) return;
   ++count_.emission_lookups;
-  const Rgb emission = look_up(medium, brick.p).emission;
+  const Rgb emission = sample_.look_up(medium, brick.p).emission;
   if (is_black(emission)) return;
   Scattered scattered;
   evaluate(Vec3(to / distance), scattered);
@@ -137,7 +137,7 @@ void PathKernel<kMask>::sample_equiangular(const Medium& medium, double t_max) {
   const Vec2 u = equiangular_.uniform2();
   const auto light = world_.lights.sample(choice->light, p, u, equiangular_.uniform_double());
   if (!(pdf > 0) || !(t < t_max) || !light || is_black(light->radiance)) return;
-  const MediumPoint m = look_up(medium, p);
+  const MediumPoint m = sample_.look_up(medium, p);
   const PhaseMix phase = medium.phase_at(p);
   const Vec3 wo(-ray_.d);
   Ray ray{p, light->wi, ray_.time};

@@ -169,7 +169,7 @@ bool PathKernel<kMask>::scatter_in_medium(double t, DVec3 p) {
       last_flight_->t = t;
     }
   }
-  if (!first_seen_) see_first(albedo(medium.is_separable() ? medium.unit() : look_up(medium, p)), Vec3(0));
+  if (aov_weight_ > 0) see_first(albedo(medium.is_separable() ? medium.unit() : sample_.look_up(medium, p)), Vec3(0));
   next_vertex();
   const PhaseMix phase = medium.phase_at(p);
   const Vec3 wo(-ray_.d);

@@ -6,7 +6,8 @@ namespace woodcock::testing {
 
 PathResult record_path(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count, PathRecord& record) {
   ++count.paths;
-  PathKernel<kAllEffects | kRecorded> kernel(world, plan, ray, key, count);
+  PathSample sample{world, plan, count};
+  PathKernel<kAllEffects | kRecorded> kernel(sample, ray, key);
   record.clear();
   kernel.record(record);
   return kernel.run();
