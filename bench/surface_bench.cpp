@@ -13,6 +13,7 @@
 
 #include "renderer/scene/read_scene.h"
 #include "renderer/transport/path.h"
+#include "renderer/transport/render_plan.h"
 
 namespace {
 
@@ -144,7 +145,7 @@ void measure(const char* name, const SceneDescription& description, int samples)
   PathSettings settings;
   settings.max_depth = description.settings.max_depth;
   settings.frame_seed = frame_seed(0, 0);
-  const RadianceFunction radiance = path_function(*world, settings);
+  const RenderPlan plan(*world, settings);
   const auto trace = [&] {
     PathCounters counters;
     Rgb sum(0);
@@ -153,7 +154,7 @@ void measure(const char* name, const SceneDescription& description, int samples)
         for (int i = 0; i < samples; ++i) {
           const PathKey key = path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i));
           const CameraSample camera = camera_sample(*world, key, x, y);
-          sum += camera.weight * radiance(*world, settings, camera.ray, key, counters).radiance;
+          sum += camera.weight * trace_path(*world, plan, camera.ray, key, counters).radiance;
         }
     return sum;
   };

@@ -11,6 +11,7 @@
 #include "renderer/core/arithmetic.h"
 #include "renderer/frame/estimator_settings.h"
 #include "renderer/frame/frame_header.h"
+#include "renderer/transport/render_plan.h"
 #include "renderer/world/world.h"
 
 namespace woodcock {
@@ -89,7 +90,7 @@ FrameRenderer::FrameRenderer(const std::string& scene_path, const FrameSettings&
   impl_->path.paper = {estimator.estimator->step ? checked_step(estimator.step, *impl_->world) : 0, estimator.directions,
                        estimator.branching};
   impl_->path.terms = estimator.terms;
-  impl_->radiance = estimator.estimator->tunable ? path_function(*impl_->world, impl_->path) : estimator.estimator->radiance;
+  impl_->radiance = estimator.estimator->radiance;
   impl_->low_discrepancy = estimator.estimator->tunable && estimator.features.has(Feature::kSobol);
 }
 
@@ -122,6 +123,7 @@ std::optional<Tile> FrameRenderer::render(const PixelRect& rect, const SampleRan
   const PathWatch watch{progress.bounces, progress.cancel};
   PathSettings settings = impl_->path;
   settings.watch = &watch;
+  const RenderPlan plan(*impl_->world, settings);
 
   const auto render_pixel = [&](int x, int y, PathCounters& count) {
     PixelAccumulator accumulator(range);
@@ -130,7 +132,7 @@ std::optional<Tile> FrameRenderer::render(const PixelRect& rect, const SampleRan
       const PathKey key = path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i), 0,
                                    impl_->low_discrepancy);
       const CameraSample camera = camera_sample(*impl_->world, key, x, y);
-      PathResult path = impl_->radiance(*impl_->world, settings, camera.ray, key, count);
+      PathResult path = impl_->radiance(*impl_->world, plan, camera.ray, key, count);
       accumulator.push(leaf(developed(path, camera.weight, film, {i, x, y}, count), {path.albedo, path.normal, path.depth}, i));
       if (++reported_samples == 64) {
         progress.samples.fetch_add(reported_samples, std::memory_order_relaxed);

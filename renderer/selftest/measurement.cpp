@@ -8,6 +8,7 @@
 #include "renderer/accuracy/student.h"
 #include "renderer/frame/estimator_settings.h"
 #include "renderer/scene/read_scene.h"
+#include "renderer/transport/render_plan.h"
 #include "renderer/world/world.h"
 
 namespace woodcock::selftest {
@@ -76,7 +77,7 @@ Samples render_samples(const std::string& text, const Rendering& rendering, uint
   path.features = estimator.features;
   path.full_kernel = rendering.full_kernel;
   path.plan = rendering.plan;
-  const RadianceFunction radiance = estimator.estimator->tunable ? path_function(*world, path) : estimator.estimator->radiance;
+  const RenderPlan plan(*world, path);
   const bool low_discrepancy = estimator.estimator->tunable && estimator.features.has(Feature::kSobol);
   PathCounters& count = samples.counters;
   for (int pass = 0; pass < passes; ++pass) {
@@ -86,7 +87,7 @@ Samples render_samples(const std::string& text, const Rendering& rendering, uint
         const PathKey key =
             path_key(path.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(pass), 0, low_discrepancy);
         const CameraSample camera = camera_sample(*world, key, x, y);
-        const Rgb value = camera.weight * radiance(*world, path, camera.ray, key, count).radiance;
+        const Rgb value = camera.weight * estimator.estimator->radiance(*world, plan, camera.ray, key, count).radiance;
         if (!is_finite(value)) ++count.nonfinite;
         samples.values.push_back(is_finite(value) ? value : Rgb(0));
       }

@@ -11,9 +11,10 @@ namespace woodcock {
 
 /// One path by the kernel of `kMask`.
 template <uint32_t kMask>
-PathResult run_kernel(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
+PathResult run_kernel(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
   ++count.paths;
-  return PathKernel<kMask>(world, settings, active_effects(world, settings), ray, key, count).run();
+  PathSample sample{world, plan, count};
+  return PathKernel<kMask>(sample, ray, key).run();
 }
 
 /// The kernels of these sets of effects.

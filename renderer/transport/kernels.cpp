@@ -14,20 +14,6 @@ std::span<const Kernel> kernels() {
   return all;
 }
 
-uint32_t active_effects(const World& world, const PathSettings& settings) {
-  // The general algorithm knows of no scene that makes these worth while.
-  constexpr uint32_t kByAnalysis = kEquiangular | kEmissionSampling | kRefractedLight;
-  uint32_t effects = settings.plan ? world.effects : kAllEffects & ~kByAnalysis;
-  const Features& features = settings.features;
-  if (!features.has(Feature::kEquiangular)) effects &= ~kEquiangular;
-  if (!features.has(Feature::kEmissionSampling)) effects &= ~kEmissionSampling;
-  if (!features.has(Feature::kDielectricBoundaries)) effects &= ~kRefractedLight;
-  if (!features.has(Feature::kLightSampling)) effects &= ~(kLightSampling | kEquiangular | kRefractedLight);
-  // They find again what others find, and are right only when weighted against them.
-  if (!features.has(Feature::kMis)) effects &= ~(kEquiangular | kEmissionSampling | kRefractedLight);
-  return effects;
-}
-
 const Kernel& smallest_kernel(uint32_t effects) {
   const std::span<const Kernel> all = kernels();
   const Kernel* best = &all.back();

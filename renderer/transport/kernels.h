@@ -18,10 +18,6 @@ struct Kernel {
 /// All kernels; the last one has every effect.
 std::span<const Kernel> kernels();
 
-/// The effects that run for these settings: those of the plan, or without a plan all that are not worth while by virtue of
-/// an analysis alone; less what features are taken out.
-uint32_t active_effects(const World& world, const PathSettings& settings);
-
 /// The kernel with the fewest effects that has all of `effects`.
 const Kernel& smallest_kernel(uint32_t effects);
 

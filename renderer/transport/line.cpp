@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "renderer/transport/paper_path.h"
 #include "renderer/transport/ray_steps.h"
 
 namespace woodcock {
@@ -41,69 +42,67 @@ struct LineRay {
   double passed = 0;  ///< depth in that channel up to the current segment
 };
 
-class Line {
+class LinePath : public PaperPath<LinePath> {
  public:
-  explicit Line(WalkSample& sample) : sample_(sample) {}
+  LinePath(PathSample& sample, Ray ray, PathKey key)
+      : PaperPath(sample, ray, key, ScatterDirections::kPhase), line_(begin(sample.plan.paper.directions)) {}
 
-  void follow_all(const Walk& w) {
-    LineRay ray = begin(w, w.first ? sample_.settings.paper.directions : 1);
-    follow(sample_, w, 1, [this, &ray](Walk& walk, const std::optional<Hit>& hit) {
-      if (walk.vertex != ray.vertex && !walk.first) ray = begin(walk, 1);
-      return fly(walk, hit, ray);
-    });
+  FlightEnd cross_medium(const std::optional<Hit>& hit) {
+    if (vertex_ != line_.vertex && !first_) line_ = begin(1);
+    return fly(hit, line_);
   }
 
  private:
-  static LineRay begin(const Walk& w, int n) {
-    const DVec3 share = DVec3(w.beta) / (static_cast<double>(w.beta.r) + static_cast<double>(w.beta.g) + static_cast<double>(w.beta.b));
-    const double u = stream(w.key, w.vertex, Purpose::kHeroChannel).uniform_double();
+  LineRay begin(int n) const {
+    const DVec3 share = DVec3(beta_) / (static_cast<double>(beta_.r) + static_cast<double>(beta_.g) + static_cast<double>(beta_.b));
+    const double u = stream(key_, vertex_, Purpose::kHeroChannel).uniform_double();
     const int channel = u < share.r ? 0 : (u < share.r + share.g || !(share.b > 0) ? 1 : 2);
-    return {w.vertex, Targets(n), channel, share};
+    return {vertex_, Targets(n), channel, share};
   }
 
   /// What is added to σt so that distances are found wherever there are sources: 0 but for terms that are left out.
   double added_extinction(const Medium& medium, bool scatters) const {
-    const TransferTerms& terms = sample_.settings.terms;
+    const TransferTerms& terms = plan_.terms;
     const bool hidden = (medium.emits() && !terms.absorption) || (scatters && !terms.out_scattering);
     return hidden ? static_cast<double>(medium.maximum_sigma_t()) : 0;
   }
 
-  Flight fly(Walk& w, const std::optional<Hit>& hit, LineRay& ray) {
-    const Medium& medium = sample_.world.media[w.medium];
+  FlightEnd fly(const std::optional<Hit>& hit, LineRay& ray) {
+    const Medium& medium = world_.media[medium_];
     const double z = hit ? hit->t : static_cast<double>(kInf);
-    const bool scatters = medium.scatters() && sample_.may_scatter(w);
-    const std::optional<EndlessPart> endless = endless_part(medium, w.ray, z);
-    if (endless && diverges(*endless, w, scatters)) return sample_.diverge();
-    if (!medium.attenuates() && !medium.emits() && !scatters) return Flight::kThrough;
+    const bool scatters = medium.scatters() && may_scatter();
+    const std::optional<EndlessPart> endless = endless_part(medium, ray_, z);
+    if (endless && diverges(*endless, scatters)) return diverge();
+    if (!medium.attenuates() && !medium.emits() && !scatters) return FlightEnd::kThrough;
     const double added = added_extinction(medium, scatters);
     const int h = ray.channel, n = ray.targets.left();
-    const Rgb beta = w.beta;
+    const Rgb beta = beta_;
     // Where this channel is not dimmed for ever its depth grows no more, and at infinity other channels that are not remain, too.
     const bool grows = !endless || endless->point.sigma_t[h] > 0 || added > 0;
-    RaySteps steps(sample_, medium, w.ray, grows ? z : endless->from, sample_.settings.paper.step, w.flight.uniform());
+    RaySteps steps(sample_, medium, ray_, grows ? z : endless->from, plan_.paper.step, flight_.uniform());
     double marched = 0;  // ∫ κ from the segment's start in channel h, κ = σt + added
     while (steps.next()) {
       const double kappa = static_cast<double>(steps.point().sigma_t[h]) + added;
       const double end = marched + kappa * steps.length();
-      while (ray.passed + end > ray.targets.next_depth(w.flight)) {
+      while (ray.passed + end > ray.targets.next_depth(flight_)) {
         // One step back: (T − T₁)/σt.
-        const double back = (ray.passed + end - ray.targets.next_depth(w.flight)) / kappa;
+        const double back = (ray.passed + end - ray.targets.next_depth(flight_)) / kappa;
         const double in_cell = std::clamp(steps.length() - back, 0.0, steps.length()), s = steps.begin() + in_cell;
         ray.targets.take();
-        const MediumPoint m = sample_.look_up(medium, w.ray.at(s));
+        const MediumPoint m = sample_.look_up(medium, ray_.at(s));
         const Rgb relative = relative_transmittance(steps.begin_depth() + DVec3(steps.point().sigma_t) * in_cell, h);
         const double density = n * glm::dot(ray.share, DVec3(relative) * (DVec3(m.sigma_t) + added));
         const Rgb weight = density > 0 ? relative * static_cast<float>(std::exp(added * (s - steps.entry())) / density) : Rgb(0);
-        w.beta = beta;
-        sample_.see(w, w.unseen / static_cast<float>(n), albedo(m), Vec3(0), s);
-        sample_.add(w, weight * m.emission);
+        beta_ = beta;
+        see(aov_weight_ / static_cast<float>(n), albedo(m), Vec3(0), s);
+        add(weight * m.emission);
         const bool last = ray.targets.left() == 0;
-        const bool goes_on = scatters && scatter(w, medium, weight * m.sigma_s, point_before(sample_.world, w.ray, s, hit), last);
-        if (last) return goes_on ? Flight::kScattered : Flight::kOver;
+        const bool goes_on = scatters && scatter(medium, weight * m.sigma_s, point_before(world_, ray_, s, hit), last);
+        if (last) return goes_on ? FlightEnd::kScattered : FlightEnd::kOver;
       }
       marched = end;
     }
-    if (sample_.stopped) return Flight::kOver;
+    if (sample_.stopped) return FlightEnd::kOver;
     // (n − inside)/n L₀, by the mixture of the channels' probabilities to get through.
     Rgb relative = relative_transmittance(steps.end_depth(), h);
     if (!grows) relative *= Rgb(glm::equal(endless->point.sigma_t, Rgb(0)));
@@ -111,35 +110,38 @@ class Line {
     const double mixture = density.x + density.y + density.z, left = static_cast<double>(ray.targets.left()) / n;
     ray.share = density / mixture;
     ray.passed += marched;
-    w.beta = beta * relative * static_cast<float>(std::exp(added * (steps.begin() - steps.entry())) * left / mixture);
-    w.unseen *= static_cast<float>(left);
-    return is_black(w.beta) ? Flight::kOver : Flight::kThrough;
+    beta_ = beta * relative * static_cast<float>(std::exp(added * (steps.begin() - steps.entry())) * left / mixture);
+    aov_weight_ *= static_cast<float>(left);
+    return is_black(beta_) ? FlightEnd::kOver : FlightEnd::kThrough;
   }
 
   /// exp(−τ_c)/exp(−τ_h): where each is too small for a float, the quotient is right.
   static Rgb relative_transmittance(DVec3 depth, int h) { return Rgb(glm::exp(DVec3(depth[h]) - depth)); }
 
-  /// The last distance of a ray is followed by the walk itself, the others by branches. True where the walk goes on.
-  bool scatter(Walk& w, const Medium& medium, Rgb weight, DVec3 p, bool last) {
+  /// The last distance of a ray is followed by the path itself, the others by branches. True where the path goes on.
+  bool scatter(const Medium& medium, Rgb weight, DVec3 p, bool last) {
     if (is_black(weight)) return false;
     if (last) {
-      w.beta *= weight;
-      return scatter_by_phase(sample_, w, medium, p);
+      beta_ *= weight;
+      return scatter_in_medium(medium, p);
     }
-    Walk branch = sample_.branch(w, weight);
-    if (scatter_by_phase(sample_, branch, medium, p)) follow_all(branch);
+    LinePath other = branch(weight);
+    if (other.scatter_in_medium(medium, p)) {
+      other.line_ = other.begin(1);
+      other.follow();
+    }
     return false;
   }
 
-  WalkSample& sample_;
+  LineRay line_;
 };
 
 }  // namespace
 
-PathResult trace_line(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
+PathResult trace_line(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
   ++count.paths;
-  WalkSample sample{world, settings, count};
-  Line(sample).follow_all(Walk(ray, world.camera_medium, key));
+  PathSample sample{world, plan, count};
+  LinePath(sample, ray, key).follow();
   return sample.result;
 }
 

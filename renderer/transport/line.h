@@ -13,6 +13,6 @@ namespace woodcock {
 /// throughput, and weights are divided by the mixture of the channels' densities. Sources whose extinction `--only` leaves out
 /// are sampled with a density κ e^(−κ s) of its own, κ the bound of σa + σs. Biased by the march where σt varies: τ̂ and σt(sᵢ) are
 /// those of different points; unbiased in homogeneous media.
-PathResult trace_line(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count);
+PathResult trace_line(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count);
 
 }  // namespace woodcock

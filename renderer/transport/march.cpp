@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "renderer/transport/paper_path.h"
 #include "renderer/transport/ray_steps.h"
 
 namespace woodcock {
@@ -25,28 +26,23 @@ class Choice {
   float total_ = 0, weight_ = 0;
 };
 
-class Marching {
+class MarchedPath : public PaperPath<MarchedPath> {
  public:
-  Marching(WalkSample& sample, ScatterFunction scatter) : sample_(sample), scatter_(scatter) {}
+  MarchedPath(PathSample& sample, Ray ray, PathKey key, ScatterDirections directions) : PaperPath(sample, ray, key, directions) {}
 
-  void follow_all(const Walk& w) {
-    follow(sample_, w, 1, [this](Walk& walk, const std::optional<Hit>& hit) { return fly(walk, hit); });
-  }
-
- private:
-  Flight fly(Walk& w, const std::optional<Hit>& hit) {
-    const Medium& medium = sample_.world.media[w.medium];
+  FlightEnd cross_medium(const std::optional<Hit>& hit) {
+    const Medium& medium = world_.media[medium_];
     const double z = hit ? hit->t : static_cast<double>(kInf);
-    const bool scatters = medium.scatters() && sample_.may_scatter(w);
-    const std::optional<EndlessPart> endless = endless_part(medium, w.ray, z);
-    if (endless && diverges(*endless, w, scatters)) return sample_.diverge();
-    if (!medium.attenuates() && !medium.emits() && !scatters) return Flight::kThrough;
+    const bool scatters = medium.scatters() && may_scatter();
+    const std::optional<EndlessPart> endless = endless_part(medium, ray_, z);
+    if (endless && diverges(*endless, scatters)) return diverge();
+    if (!medium.attenuates() && !medium.emits() && !scatters) return FlightEnd::kThrough;
     // The channels that end a march by dying out: on an endless segment only those with extinction do.
     Rgb fading(1);
     if (endless) fading = Rgb(glm::greaterThan(endless->point.sigma_t, Rgb(0)));
-    const double reach = endless && is_black(fading * w.beta) ? endless->from : z;
+    const double reach = endless && is_black(fading * beta_) ? endless->from : z;
 
-    RaySteps steps(sample_, medium, w.ray, reach, sample_.settings.paper.step, w.flight.uniform());
+    RaySteps steps(sample_, medium, ray_, reach, plan_.paper.step, flight_.uniform());
     Choice choice;
     std::optional<double> chosen_t;
     Rgb chosen(0);
@@ -56,7 +52,7 @@ class Marching {
       const bool may_end = !endless || steps.begin() >= endless->from;
       if (may_end && static_cast<double>(boost) * static_cast<double>(max_component(fading * transmittance_of(steps.begin_depth()))) <
                          static_cast<double>(kTransmittanceRoulette)) {
-        lost = !(w.flight.uniform() < kRouletteSurvival);
+        lost = !(flight_.uniform() < kRouletteSurvival);
         if (lost) break;
         boost /= kRouletteSurvival;
       }
@@ -64,58 +60,56 @@ class Marching {
       const double t = steps.t();
       // Δ T(yᵢ)
       const Rgb delta_t = transmittance_of(steps.depth()) * (static_cast<float>(steps.length()) * boost);
-      sample_.add(w, delta_t * m.emission);
-      sample_.see(w, w.unseen * average(delta_t * m.sigma_t), albedo(m), Vec3(0), steps.t());
+      add(delta_t * m.emission);
+      see(aov_weight_ * average(delta_t * m.sigma_t), albedo(m), Vec3(0), steps.t());
       if (!scatters || is_black(m.sigma_s)) continue;
       const Rgb weight = delta_t * m.sigma_s;
-      if (w.first) {
-        scatter_all(w, medium, weight, point_before(sample_.world, w.ray, t, hit));
-      } else if (choice.offer(glm::dot(w.beta, weight), w.flight)) {
+      if (first_) {
+        scatter_all(medium, weight, point_before(world_, ray_, t, hit));
+      } else if (choice.offer(glm::dot(beta_, weight), flight_)) {
         chosen_t = t;
         chosen = weight;
       }
     }
-    if (sample_.stopped) return Flight::kOver;
+    if (sample_.stopped) return FlightEnd::kOver;
     // T(z); where the march was lost, of the channels that nothing dims.
     const Rgb through = transmittance_of(steps.end_depth()) * (lost ? Rgb(1) - fading : Rgb(boost));
-    if (choice.offer(glm::dot(w.beta, through), w.flight))
+    if (choice.offer(glm::dot(beta_, through), flight_))
       chosen_t.reset();
     else if (!chosen_t)
-      return Flight::kOver;
-    w.beta *= (chosen_t ? chosen : through) * choice.inverse_probability();
-    w.unseen *= average(through);
-    if (!chosen_t) return Flight::kThrough;
-    return scatter_(sample_, w, medium, point_before(sample_.world, w.ray, *chosen_t, hit)) ? Flight::kScattered : Flight::kOver;
+      return FlightEnd::kOver;
+    beta_ *= (chosen_t ? chosen : through) * choice.inverse_probability();
+    aov_weight_ *= average(through);
+    if (!chosen_t) return FlightEnd::kThrough;
+    return scatter_in_medium(medium, point_before(world_, ray_, *chosen_t, hit)) ? FlightEnd::kScattered : FlightEnd::kOver;
   }
 
+ private:
   /// N directions of one step of the first ray that scatters.
-  void scatter_all(const Walk& w, const Medium& medium, Rgb weight, DVec3 p) {
-    const int n = sample_.settings.paper.directions;
+  void scatter_all(const Medium& medium, Rgb weight, DVec3 p) {
+    const int n = plan_.paper.directions;
     for (int j = 0; j < n && !sample_.stopped; ++j) {
-      Walk branch = sample_.branch(w, weight / static_cast<float>(n));
-      if (scatter_(sample_, branch, medium, p)) follow_all(branch);
+      MarchedPath other = branch(weight / static_cast<float>(n));
+      if (other.scatter_in_medium(medium, p)) other.follow();
     }
   }
-
-  WalkSample& sample_;
-  const ScatterFunction scatter_;
 };
 
-PathResult trace(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count, ScatterFunction scatter) {
+PathResult trace(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count, ScatterDirections directions) {
   ++count.paths;
-  WalkSample sample{world, settings, count};
-  Marching(sample, scatter).follow_all(Walk(ray, world.camera_medium, key));
+  PathSample sample{world, plan, count};
+  MarchedPath(sample, ray, key, directions).follow();
   return sample.result;
 }
 
 }  // namespace
 
-PathResult trace_march(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
-  return trace(world, settings, ray, key, count, scatter_uniformly);
+PathResult trace_march(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
+  return trace(world, plan, ray, key, count, ScatterDirections::kUniform);
 }
 
-PathResult trace_march_phase(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
-  return trace(world, settings, ray, key, count, scatter_by_phase);
+PathResult trace_march_phase(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
+  return trace(world, plan, ray, key, count, ScatterDirections::kPhase);
 }
 
 }  // namespace woodcock

@@ -12,9 +12,9 @@ namespace woodcock {
 /// Δ T σs and T(z), and divides by the probability: the mean is the marched sum. Where T has fallen below 0.1 a march goes on with
 /// probability ¼ and four times the weight. Biased where σt varies: E exp(−τ̂) ≥ exp(−τ) (Jensen), by Var(τ̂)/2 to first order, which
 /// falls with Δ²; unbiased in homogeneous media.
-PathResult trace_march(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count);
+PathResult trace_march(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count);
 
 /// The same with directions drawn from the phase function: weight σs Ls (alg. 5, eq. 12 and 13).
-PathResult trace_march_phase(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count);
+PathResult trace_march_phase(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count);
 
 }  // namespace woodcock

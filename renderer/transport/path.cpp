@@ -1,17 +1,11 @@
 #include "renderer/transport/path.h"
 
-#include "renderer/transport/kernels.h"
+#include "renderer/transport/render_plan.h"
 
 namespace woodcock {
 
-RadianceFunction path_function(const World& world, const PathSettings& settings) {
-  // Without a plan nothing is known that a smaller kernel could leave out.
-  const bool full = settings.full_kernel || !settings.plan;
-  return (full ? kernels().back() : smallest_kernel(active_effects(world, settings))).run;
-}
-
-PathResult trace_path(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
-  return path_function(world, settings)(world, settings, ray, key, count);
+PathResult trace_path(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
+  return plan.kernel(world, plan, ray, key, count);
 }
 
 CameraSample camera_sample(const World& world, PathKey key, int x, int y) {

@@ -25,6 +25,7 @@ struct PaperSettings {
   int branching = 1;   ///< directions at the first bounce
 };
 
+/// What a user asks for; a RenderPlan (render_plan.h) is what becomes of it in a scene.
 struct PathSettings {
   uint64_t frame_seed = 0;
   int max_depth = 5;  ///< scatterings at surfaces and in media; null collisions and interfaces do not count
@@ -50,16 +51,16 @@ struct PathResult {
   float depth = 0;
 };
 
-/// A way to estimate the radiance that arrives along a ray.
-using RadianceFunction = PathResult (*)(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count);
+struct RenderPlan;
 
-/// The kernel of the estimator `auto` for this world: the smallest one that has every effect the plan calls for.
-RadianceFunction path_function(const World& world, const PathSettings& settings);
+/// A way to estimate the radiance that arrives along a ray. `plan` is made for this world.
+using RadianceFunction = PathResult (*)(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count);
 
 /// The radiance that arrives along `ray` at the camera, estimated with one path:
 ///   L(x, ω) = ∫₀ᶻ T(s) [σa Le + σs ∫ f(ω, ω′) L(ω′) dω′] ds + T(z) L₀,
-/// with L₀ from the rendering equation (Kajiya 1986) at surfaces. Unbiased up to `max_depth`. Runs path_function().
-PathResult trace_path(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count);
+/// with L₀ from the rendering equation (Kajiya 1986) at surfaces. Unbiased up to `max_depth`. Runs the
+/// kernel of the plan.
+PathResult trace_path(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count);
 
 /// The camera ray of sample `sample` of pixel (x, y) and the weight of its filter sample.
 struct CameraSample {

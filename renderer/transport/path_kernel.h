@@ -2,8 +2,9 @@
 //
 //   L(x, ω) = ∫₀ᶻ T(s) [σa Le + σs ∫ f(ω, ω′) L(ω′) dω′] ds + T(z) L₀
 //
-// with L₀ from the rendering equation (Kajiya 1986) at surfaces. This is the loop and what it does at surfaces; flights
-// through media are in path_kernel_media.h, light is in path_kernel_light.h. kernel_group.h includes all three.
+// with L₀ from the rendering equation (Kajiya 1986) at surfaces. The loop itself is that of path_machine.h. This is what the estimator does
+// at surfaces; free flights through media are in path_kernel_media.h, light is in path_kernel_light.h and path_kernel_refraction.h.
+// kernel_group.h includes all of them.
 #pragma once
 
 #include <algorithm>
@@ -15,21 +16,13 @@
 #include "renderer/transport/equiangular.h"
 #include "renderer/transport/kernels.h"
 #include "renderer/transport/mis.h"
-#include "renderer/transport/path.h"
+#include "renderer/transport/path_machine.h"
 #include "renderer/transport/path_record.h"
-#include "renderer/transport/roulette.h"
 #include "renderer/transport/tentative_collisions.h"
-#include "renderer/transport/transmittance.h"
-#include "renderer/transport/vertex.h"
-#include "renderer/world/effects.h"
-#include "renderer/world/junction.h"
 
 namespace woodcock {
 
-/// One path. Members carry what the next event needs.
-///
-/// `kMask` are the effects that are compiled in. Which of them run is up to the plan (`effects_`), so that a kernel for
-/// more effects than the scene has does the same arithmetic as one made to measure.
+/// One path of the estimator `auto`.
 ///
 /// Extinction may differ between channels. Each decision is then drawn from a mixture of the channels' densities,
 /// every channel with a share in proportion to its throughput β, and β is divided by that mixture: the balance
@@ -37,22 +30,13 @@ namespace woodcock {
 /// Georgiev & Jarosz 2019; shares that know the path so far: Kutz, Habel, Li & Novák 2017). The sum of β over the
 /// channels then never grows, whatever the coefficients, and a channel without extinction is no special case.
 template <uint32_t kMask>
-class PathKernel {
+class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
+  using Base = PathMachine<kMask, PathKernel<kMask>>;
+  friend Base;
+
  public:
-  PathKernel(const World& world, const PathSettings& settings, uint32_t effects, Ray ray, PathKey key, PathCounters& count)
-      : world_(world),
-        settings_(settings),
-        effects_(effects),
-        ways_(transmittance_ways(settings)),
-        count_(count),
-        key_(key),
-        ray_(ray),
-        medium_(uses(kMedia) ? world.camera_medium : kNone),
-        flight_(0),
-        channel_(0),
-        crossing_(0),
-        equiangular_(0) {
-    if (uses(kChromaticExtinction) && !settings.features.has(Feature::kChannelMixture)) {
+  PathKernel(PathSample& sample, Ray ray, PathKey key) : Base(sample, sample.plan.effects, ray, key), channel_(0), equiangular_(0) {
+    if (uses(kChromaticExtinction) && !plan_.channel_mixture) {
       // One channel a path, each in turn at random: the others carry nothing.
       const int only = std::min(2, static_cast<int>(3 * stream(key, 0, Purpose::kHeroChannel).uniform()));
       beta_ = Rgb(0);
@@ -66,54 +50,35 @@ class PathKernel {
 
   PathResult run() {
     note([&] { return PathStarts{beta_}; });
-    int crossings = 0;
-    while (true) {
-      if (++crossings > kMaxCrossings) {
-        ++count_.truncated;
-        break;
-      }
-      const uint32_t vertex_before = vertex_;
-      if (uses(kTouching) && here_) {
-        // What coincides with the surface just met comes before anything else, at no distance.
-        if (const int member = here_->next(ray_.d, medium_); member != kNone) {
-          if (!meet_surface((*here_)[member].hit, (*here_)[member].s, member)) break;
-          if (vertex_ != vertex_before) crossings = 0;
-          continue;
-        }
-        if (uses(kMedia)) medium_ = here_->medium_behind(world_, ray_, medium_);
-        here_.reset();
-      }
-      ++count_.rays;
-      const auto hit = world_.geometry.intersect(ray_, kInf);
-      if (uses(kMedia) && medium_ != kNone) {
-        const auto t = fly(hit ? hit->t : static_cast<double>(kInf));
-        if (ended_) break;
-        note([&] { return SegmentEnds{t, beta_}; });
-        if (t) {
-          if (!scatter_in_medium(*t, point_before(world_, ray_, *t, hit, uses(kTouching)))) break;
-          crossings = 0;
-          continue;
-        }
-      }
-      if (!hit) {
-        add_environment();
-        break;
-      }
-      travelled_ += hit->t;
-      if (!arrive(*hit)) break;
-      if (vertex_ != vertex_before) crossings = 0;
-    }
+    this->follow();
     return result_;
   }
 
  private:
-  using Tangents = Geometry::Tangents;
-  static constexpr uint32_t kMedia = kHomogeneousMedia | kHeterogeneousMedia;
-  /// Surfaces that let something pass, without which it does not matter what coincides.
-  static constexpr uint32_t kTouching = kPassableSurfaces | kGeneralSurfaces;
-
-  /// Whether any of these effects is compiled in and planned.
-  bool uses(uint32_t effects) const { return (kMask & effects) != 0 && (effects_ & effects) != 0; }
+  using Base::aov_weight_;
+  using Base::beta_;
+  using Base::coincident_;
+  using Base::count_;
+  using Base::depth_;
+  using Base::eta_scale_;
+  using Base::flight_;
+  using Base::key_;
+  using Base::kMedia;
+  using Base::kTouching;
+  using Base::leave;
+  using Base::may_scatter;
+  using Base::medium_;
+  using Base::medium_after_leaving;
+  using Base::next_vertex;
+  using Base::plan_;
+  using Base::ray_;
+  using Base::ray_towards;
+  using Base::result_;
+  using Base::sample_;
+  using Base::travelled_;
+  using Base::uses;
+  using Base::vertex_;
+  using Base::world_;
 
   /// Tells a test what happened; nothing at all in the kernels that users run.
   template <typename Event>
@@ -133,17 +98,22 @@ class PathKernel {
     result_.radiance += beta_ * radiance;
   }
 
-  /// New numbers for the flight from the current vertex; they go on across interfaces.
+  /// New numbers for the segment from the current vertex; they go on across boundaries.
   void begin_segment() {
-    if constexpr ((kMask & kMedia) != 0) flight_ = stream(key_, vertex_, Purpose::kFreeFlight);
+    Base::begin_segment();
     if constexpr ((kMask & kChromaticExtinction) != 0) channel_ = stream(key_, vertex_, Purpose::kHeroChannel);
-    if constexpr ((kMask & (kPassableSurfaces | kGeneralSurfaces)) != 0) crossing_ = stream(key_, vertex_, Purpose::kMaterial);
     if constexpr ((kMask & kEquiangular) != 0) equiangular_ = stream(key_, vertex_, Purpose::kEquiangular);
   }
 
-  bool may_scatter() const { return depth_ < settings_.max_depth; }
-
   // --- media ---------------------------------------------------------------------------------------------
+
+  FlightEnd cross_medium(const std::optional<Hit>& hit) {
+    const auto t = fly(hit ? hit->t : static_cast<double>(kInf));
+    if (ended_) return FlightEnd::kOver;
+    note([&] { return SegmentEnds{t, beta_}; });
+    if (!t) return FlightEnd::kThrough;
+    return scatter_in_medium(*t, point_before(world_, ray_, *t, hit, uses(kTouching))) ? FlightEnd::kScattered : FlightEnd::kOver;
+  }
 
   /// Flies through the current medium up to t_max: adds its emission, and returns the distance of a scattering, with
   /// the throughput updated, or nothing when the ray gets through.
@@ -154,7 +124,7 @@ class PathKernel {
       this_flight_ = {ray_, t_max, 0, medium_, shares()};
       if (vertex_ < kEquiangularVertices && medium.scatters() && may_scatter()) sample_equiangular(medium, t_max);
     }
-    if (uses(kHomogeneousMedia) && medium.is_homogeneous() && (ways_.closed_forms || !std::isfinite(t_max)) &&
+    if (uses(kHomogeneousMedia) && medium.is_homogeneous() && (plan_.transmittance.closed_forms || !std::isfinite(t_max)) &&
         has_closed_forms(medium.homogeneous()))
       return fly_homogeneous(medium.homogeneous(), is_chromatic(medium), t_max);
     if (uses(kHeterogeneousMedia) && !medium.parts().empty() && !medium.is_homogeneous()) {
@@ -163,7 +133,7 @@ class PathKernel {
     return track(medium, t_max);
   }
 
-  bool is_chromatic(const Medium& medium) const { return uses(kChromaticExtinction) && !(ways_.grey && medium.is_grey()); }
+  bool is_chromatic(const Medium& medium) const { return uses(kChromaticExtinction) && !(plan_.transmittance.grey && medium.is_grey()); }
 
   /// Closed forms. Emission of the whole segment: ∫₀ᵗ exp(−σt s) σa Le ds.
   std::optional<double> fly_homogeneous(const MediumPoint& m, bool chromatic, double t_max);
@@ -178,16 +148,10 @@ class PathKernel {
     return size / (size.r + size.g + size.b);
   }
 
-  /// The coefficients at a point.
-  MediumPoint look_up(const Medium& medium, DVec3 p) {
-    if (!medium.is_homogeneous()) ++count_.medium_lookups;
-    return medium.at(p);
-  }
-
   /// In long flights, now and then: whether the render is to end.
   bool is_cancelled() {
-    if (!flight_is_cancelled(ways_, count_)) return false;
-    stopped_ = ended_ = true;
+    if (!flight_is_cancelled(plan_.transmittance, count_)) return false;
+    sample_.stopped = ended_ = true;
     return true;
   }
 
@@ -237,86 +201,19 @@ class PathKernel {
 
   // --- surfaces ------------------------------------------------------------------------------------------
 
-  /// Meets the nearest hit, or of those that coincide with it the one that comes first. False ends the path.
-  bool arrive(const Hit& hit) {
-    const SurfacePoint s = world_.geometry.surface(hit, ray_, uses(kGeneralSurfaces) ? Tangents::kWanted : Tangents::kNotWanted);
-    if (!uses(kTouching) || !may_coincide(world_, ray_, hit, s.p)) return meet_surface(hit, s, kNone);
-    here_.emplace(world_, ray_, hit);
-    if (here_->overflowed()) {
-      ++count_.truncated;
-      return false;
-    }
-    ray_ = here_->ray_from(s.p, ray_.d, ray_.time);
-    return true;
-  }
-
-  /// The ray from the surface that heads for w.
-  Ray ray_towards(const SurfacePoint& s, DVec3 w) const {
-    return uses(kTouching) && here_ ? here_->ray_from(s.p, w, ray_.time) : ray_from(s, w, ray_.time);
-  }
-
-  /// The path heads for w from a surface, which is this member of the place where the path stands, or kNone. A transmission
-  /// crosses the member `joined`, too; else the path stays on its outer side.
-  void leave(int member, DVec3 w, int joined = kNone, bool transmission = false) {
-    if (!uses(kTouching) || member == kNone) return;
-    here_->leave(member, w);
-    if (joined != kNone) here_->leave(joined, transmission ? w : DVec3((*here_)[joined].s.ng));
-  }
-
-  /// The medium that the path is in when it has left the surface for w, and the member `joined` with a transmission.
-  int medium_after_leaving(const SurfaceInfo& info, Vec3 ng, DVec3 w, int joined, bool transmission) const {
-    const int behind = medium_towards(info, ng, w);
-    if (!uses(kTouching) || joined == kNone || !transmission) return behind;
-    // The body that begins here may keep the medium behind the one that ends.
-    const Junction::Member& entry = (*here_)[joined];
-    return uses(kMedia) ? world_.medium_after(surface_of(entry), entry.s.ng, w, behind) : kNone;
-  }
-
-  /// Goes on behind a surface that is not there for this path, or is a boundary only.
-  bool pass(const SurfacePoint& s, int member) {
-    leave(member, ray_.d);
-    ray_ = ray_towards(s, ray_.d);
-    return true;
-  }
-
-  /// Handles a surface. False ends the path.
-  bool meet_surface(const Hit& hit, const SurfacePoint& s, int member) {
-    const SurfaceInfo& info = world_.surfaces[static_cast<size_t>(hit.shape)];
-    const TextureContext context{s.uv, s.p};
-    if (uses(kPassableSurfaces) && info.has_alpha && crossing_.uniform() >= world_.textures.eval(info.alpha, context))
-      return pass(s, member);
-    if (info.light != kNone) add_emission(hit, s, info.light);
-    if (uses(kSurfaces) && !info.is_interface) {
-      if (!uses(kGeneralSurfaces)) {
-        note([&] { return SurfaceScatters{s.p, -ray_.d, s.ng, s.ns, s.dpdu, info.material}; });
-        return scatter_at_surface(s, info, world_.materials.diffuse(info.material, context), s.ns, member, kNone);
-      }
-      const int material = world_.materials.resolve(info.material, context, crossing_);
-      if (auto bsdf = world_.materials.bsdf(material, context, crossing_)) {
-        if (!settings_.features.has(Feature::kLayeredClosedForms)) use_walks(*bsdf);
-        note([&] { return SurfaceScatters{s.p, -ray_.d, s.ng, s.ns, s.dpdu, material}; });
-        const int joined = uses(kTouching) && here_ ? join_dielectrics(world_, *here_, member, ray_.d, medium_, crossing_, *bsdf) : kNone;
-        return scatter_at_surface(s, info, *bsdf, world_.materials.shading_normal(material, context, {s.ns, s.dpdu, s.dpdv}), member,
-                                  joined);
-      }
-    }
-    medium_ = medium_towards(info, s.ng, ray_.d);
-    return pass(s, member);
-  }
-
-  const SurfaceInfo& surface_of(const Junction::Member& m) const { return world_.surfaces[static_cast<size_t>(m.hit.shape)]; }
-
   static Rgb eval_model(const Bsdf& b, Vec3 wo, Vec3 wi, Stream& layered) { return eval(b, wo, wi, layered); }
   static Rgb eval_model(const DiffuseBsdf& b, Vec3 wo, Vec3 wi, Stream&) { return eval(b, wo, wi); }
   static auto sample_model(const Bsdf& b, Vec3 wo, Stream& direction, Stream& layered) { return sample(b, wo, direction, layered); }
   static auto sample_model(const DiffuseBsdf& b, Vec3 wo, Stream& direction, Stream&) { return sample(b, wo, direction); }
 
-  /// `Model` is Bsdf, or DiffuseBsdf where nothing else is there. A transmission crosses the member `joined`, too.
+  /// `Model` is Bsdf, or DiffuseBsdf where nothing else is there.
   template <typename Model>
-  bool scatter_at_surface(const SurfacePoint& s, const SurfaceInfo& info, const Model& bsdf, Vec3 ns, int member, int joined) {
-    const Frame frame = uses(kGeneralSurfaces) ? shading_frame(ns, s.dpdu) : Frame::from_normal(ns);
+  bool scatter_at_surface(const SurfaceVertex& v, const Model& bsdf) {
+    const SurfacePoint& s = v.s;
+    note([&] { return SurfaceScatters{s.p, -ray_.d, s.ng, s.ns, s.dpdu, v.material}; });
+    const Frame frame = uses(kGeneralSurfaces) ? shading_frame(v.ns, s.dpdu) : Frame::from_normal(v.ns);
     const Vec3 wo = frame.to_local(Vec3(-ray_.d));
-    if (!first_seen_) see_first(albedo(bsdf, wo), ns);
+    if (aov_weight_ > 0) see_first(albedo(bsdf, wo), v.ns);
     if (!may_scatter()) return false;
     next_vertex();
     // The flight to an earlier scattering in a medium could not have made this vertex.
@@ -327,9 +224,9 @@ class PathKernel {
       sample_lights(s.p, [&](Vec3 wi, Scattered& scattered) {
         const Vec3 local = frame.to_local(wi);
         const bool transmission = local.z * wo.z < 0;
-        leave(member, wi, joined, transmission);
+        leave(v.hit, wi, v.next, transmission);
         scattered = {eval_model(bsdf, wo, local, layered), woodcock::pdf(bsdf, wo, local), ray_towards(s, wi),
-                     medium_after_leaving(info, s.ng, wi, joined, transmission)};
+                     medium_after_leaving(v, wi, transmission)};
       });
     }
 
@@ -341,20 +238,16 @@ class PathKernel {
     if (sample->transmission) eta_scale_ *= sample->eta * sample->eta;
     if (uses(kRefractedLight)) {
       refraction_.reset();
-      if (sample->specular && sample->transmission && direction_pdf_ > 0) refraction_ = {&info, reference_, s.p, direction_pdf_};
+      if (sample->specular && sample->transmission && direction_pdf_ > 0) refraction_ = {&v.info, reference_, s.p, direction_pdf_};
     }
     const Vec3 wi = glm::normalize(frame.to_world(sample->wi));
-    medium_ = medium_after_leaving(info, s.ng, wi, joined, sample->transmission);
-    leave(member, wi, joined, sample->transmission);
+    medium_ = medium_after_leaving(v, wi, sample->transmission);
+    leave(v.hit, wi, v.next, sample->transmission);
     ray_ = ray_towards(s, wi);
     direction_pdf_ = sample->specular ? 0 : sample->pdf;
     note([&] { return DirectionTaken{wi, direction_pdf_, beta_}; });
     after_scattering(s.p);
     return survives_roulette();
-  }
-
-  int medium_towards(const SurfaceInfo& info, Vec3 ng, DVec3 w) const {
-    return uses(kMedia) ? world_.medium_after(info, ng, w, medium_) : kNone;
   }
 
   // --- light ---------------------------------------------------------------------------------------------
@@ -374,11 +267,9 @@ class PathKernel {
   }
 
   Shadow shadow(const Ray& ray, double distance, int medium, TargetPrimitive target, Stream& random) {
-    return trace_shadow(world_, ray, distance, medium, target, random, ways_, uses(kPassableSurfaces), count_,
-                        uses(kTouching) && here_ ? &*here_ : nullptr);
+    return trace_shadow(world_, ray, distance, medium, target, random, plan_.transmittance, uses(kPassableSurfaces), count_,
+                        uses(kTouching) && coincident_ ? &*coincident_ : nullptr);
   }
-
-  ChooseBy choose_by() const { return settings_.features.has(Feature::kLightTree) ? ChooseBy::kArrival : ChooseBy::kPower; }
 
   /// Next-event estimation: one light, chosen by what arrives at the reference point.
   template <typename Evaluate>
@@ -428,7 +319,7 @@ class PathKernel {
     double longest() const { return sigma > 0 ? -std::log(u * kRefractionRoulette) / sigma : static_cast<double>(kInf); }
   };
   RefractionRoulette refraction_roulette(const DielectricSphere& body) const {
-    const bool closed = body.is_empty && medium_ != kNone && world_.media[medium_].is_homogeneous() && ways_.closed_forms;
+    const bool closed = body.is_empty && medium_ != kNone && world_.media[medium_].is_homogeneous() && plan_.transmittance.closed_forms;
     return {stream(key_, vertex_, Purpose::kRefraction).uniform_double(),
             closed ? static_cast<double>(min_component(world_.media[medium_].homogeneous().sigma_t)) : 0};
   }
@@ -455,8 +346,6 @@ class PathKernel {
   /// A point of an emitting grid, its bricks chosen by power: ∫ f T σa Le dω dt over the points of the medium.
   template <typename Evaluate>
   void sample_emission(DVec3 reference, Evaluate&& evaluate);
-
-  bool with_mis() const { return settings_.features.has(Feature::kMis); }
 
   void add_emission(const Hit& hit, const SurfacePoint& s, int light);
 
@@ -496,71 +385,35 @@ class PathKernel {
 
   // --- bookkeeping ---------------------------------------------------------------------------------------
 
+  /// The first event, for the AOVs.
   void see_first(Rgb albedo, Vec3 normal) {
-    first_seen_ = true;
+    aov_weight_ = 0;
     result_.albedo = albedo;
     result_.normal = normal;
     result_.depth = static_cast<float>(travelled_ / world_.space.scale);
   }
 
-  void next_vertex() {
-    ++vertex_;
-    ++depth_;
-    if ((++count_.vertices & (kReportEvery - 1)) == 0 && settings_.watch != nullptr) report();
-  }
-
-  /// Long paths move the counter and can be stopped.
-  void report() {
-    settings_.watch->vertices.fetch_add(kReportEvery, std::memory_order_relaxed);
-    stopped_ = settings_.watch->cancel.load(std::memory_order_relaxed);
-  }
-
   void after_scattering(DVec3 at) {
     reference_ = at;
-    travelled_ = 0;
     begin_segment();
   }
 
-  /// Russian roulette from the second scattering on.
+  /// False where the path ends.
   bool survives_roulette() {
-    if (stopped_) return false;
-    if (depth_ < 2 || !settings_.features.has(Feature::kRoulette)) return !is_black(beta_);
-    const float q = roulette_survival(beta_, eta_scale_);
-    if (q >= 1) return true;
-    if (!(q > 0) || stream(key_, vertex_, Purpose::kRoulette).uniform_double() >= static_cast<double>(q)) return false;
-    beta_ /= q;
-    note([&] { return RouletteSurvived{q, beta_}; });
-    return true;
+    const float q = this->roulette();
+    if (q > 0 && q < 1) note([&] { return RouletteSurvived{q, beta_}; });
+    return q > 0;
   }
 
-  const World& world_;
-  const PathSettings& settings_;
-  const uint32_t effects_;
-  const TransmittanceWays ways_;
-  PathCounters& count_;
-  const PathKey key_;
-  PathResult result_;
-
-  Ray ray_;
-  int medium_;
-  Stream flight_, channel_, crossing_, equiangular_;
+  Stream channel_, equiangular_;
   Flight this_flight_;
   std::optional<Flight> last_flight_;  ///< that led to the last vertex; nothing where that is no scattering in a medium
-  Rgb beta_{1};
-  int depth_ = 0;
-  uint32_t vertex_ = 0;
-  float eta_scale_ = 1;
   /// Of the last scattering: the point it happened at and the pdf of the direction, 0 where light sampling could not
   /// have given it (camera, specular).
   DVec3 reference_{0};
   float direction_pdf_ = 0;
   std::optional<Refraction> refraction_;  ///< that led to the last vertex, after a scattering that sampled lights
-  double travelled_ = 0;                  ///< since the last scattering, render units
-  /// The surfaces where the path stands, if others may coincide with the one it met.
-  std::optional<Junction> here_;
-  bool first_seen_ = false;
-  bool ended_ = false;
-  bool stopped_ = false;
+  bool ended_ = false;                    ///< in the segment that is crossed
 
   struct NoRecord {};
   [[no_unique_address]] std::conditional_t<(kMask & kRecorded) != 0, PathRecord*, NoRecord> record_{};

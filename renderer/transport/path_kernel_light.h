@@ -8,14 +8,14 @@ namespace woodcock {
 template <uint32_t kMask>
 template <typename Evaluate>
 void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
-  const auto choice = world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform_double(), reference, choose_by());
+  const auto choice = world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform_double(), reference, plan_.choose_by);
   if (!choice) return;
   const DielectricSphere* glass = uses(kRefractedLight) ? world_.dielectric_around(reference) : nullptr;
   // Where nothing is inside, every light is outside.
   if (glass != nullptr && glass->is_empty && !survives_refraction(*glass, reference)) return;
   Stream random = stream(key_, vertex_, Purpose::kLightSample);
   const Vec2 u = random.uniform2();
-  const auto light = world_.lights.sample(choice->light, reference, u, random.uniform_double(), choose_by());
+  const auto light = world_.lights.sample(choice->light, reference, u, random.uniform_double(), plan_.choose_by);
   if (!light || is_black(light->radiance)) return;
   if (glass != nullptr && is_outside(*glass, *light)) return sample_through_glass(*glass, *choice, *light, reference, evaluate);
   Scattered scattered;
@@ -28,7 +28,7 @@ void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
   if (is_black(transmittance)) return;
   const float light_pdf = choice->pmf * light->pdf;
   const float mis =
-      with_mis() ? power_heuristic(light_pdf, light->delta ? 0 : scattered.pdf, equiangular_odds(choice->light) * light->pdf) : 1;
+      plan_.mis ? power_heuristic(light_pdf, light->delta ? 0 : scattered.pdf, equiangular_odds(choice->light) * light->pdf) : 1;
   add(scattered.value * light->radiance * transmittance * (mis / light_pdf), [&] {
     return LightAdded{.technique = Technique::kLightSample,
                       .source = choice->light,
@@ -57,7 +57,7 @@ void PathKernel<kMask>::sample_emission(DVec3 reference, Evaluate&& evaluate) {
   double distance = glm::length(to);
   if (!(distance > 0)) return;
   ++count_.emission_lookups;
-  const Rgb emission = look_up(medium, brick.p).emission;
+  const Rgb emission = sample_.look_up(medium, brick.p).emission;
   if (is_black(emission)) return;
   Scattered scattered;
   evaluate(Vec3(to / distance), scattered);
@@ -91,8 +91,8 @@ void PathKernel<kMask>::add_emission(const Hit& hit, const SurfacePoint& s, int 
   float mis = 1;
   if (uses(kLightSampling) && direction_pdf_ > 0) {
     const float light_pdf = world_.lights.pdf(light, reference_, emitter, ray_.d);
-    const float sampled = world_.lights.pmf(light, reference_, choose_by()) * light_pdf;
-    mis = with_mis() ? power_heuristic(direction_pdf_, sampled, equiangular_odds(light) * light_pdf) : sampled > 0 ? 0 : 1;
+    const float sampled = world_.lights.pmf(light, reference_, plan_.choose_by) * light_pdf;
+    mis = plan_.mis ? power_heuristic(direction_pdf_, sampled, equiangular_odds(light) * light_pdf) : sampled > 0 ? 0 : 1;
   } else if (uses(kRefractedLight) && refraction_) {
     mis = refraction_weight(*refraction_, emitter, light);
   }
@@ -113,8 +113,8 @@ void PathKernel<kMask>::add_environment() {
   if (!world_.lights.has_environment()) return;
   float mis = 1;
   if (uses(kLightSampling) && direction_pdf_ > 0) {
-    const float sampled = world_.lights.environment_pdf(ray_.d, reference_, choose_by());
-    mis = with_mis() ? power_heuristic(direction_pdf_, sampled) : sampled > 0 ? 0 : 1;
+    const float sampled = world_.lights.environment_pdf(ray_.d, reference_, plan_.choose_by);
+    mis = plan_.mis ? power_heuristic(direction_pdf_, sampled) : sampled > 0 ? 0 : 1;
   }
   const Rgb radiance = world_.lights.environment(ray_.d);
   add(radiance * mis, [&] {
@@ -137,7 +137,7 @@ void PathKernel<kMask>::sample_equiangular(const Medium& medium, double t_max) {
   const Vec2 u = equiangular_.uniform2();
   const auto light = world_.lights.sample(choice->light, p, u, equiangular_.uniform_double());
   if (!(pdf > 0) || !(t < t_max) || !light || is_black(light->radiance)) return;
-  const MediumPoint m = look_up(medium, p);
+  const MediumPoint m = sample_.look_up(medium, p);
   const PhaseMix phase = medium.phase_at(p);
   const Vec3 wo(-ray_.d);
   Ray ray{p, light->wi, ray_.time};
@@ -146,9 +146,9 @@ void PathKernel<kMask>::sample_equiangular(const Medium& medium, double t_max) {
   if (!distance) return;
   const Rgb to_light = shadow(ray, *distance, medium_, light->target, equiangular_).transmittance;
   if (is_black(to_light)) return;
-  const Rgb to_point = estimate_transmittance(medium, ray_, t, equiangular_, count_, ways_);
+  const Rgb to_point = estimate_transmittance(medium, ray_, t, equiangular_, count_, plan_.transmittance);
   const float density = pdf * choice->pmf * light->pdf, flown = flight_density(medium, shares(), t);
-  const float mis = power_heuristic(density, flown * world_.lights.pmf(choice->light, p, choose_by()) * light->pdf,
+  const float mis = power_heuristic(density, flown * world_.lights.pmf(choice->light, p, plan_.choose_by) * light->pdf,
                                     light->delta ? 0 : flown * phase.pdf(wo, light->wi));
   add(m.sigma_s * phase.eval(wo, light->wi) * light->radiance * to_point * to_light * (mis / density), [&] {
     return LightAdded{.technique = Technique::kEquiangular,

@@ -71,13 +71,13 @@ std::optional<double> PathKernel<kMask>::track(const Medium& medium, double t_ma
   const bool scatters = uses(kVolumeScattering) && medium.scatters() && may_scatter();
   const bool emits = uses(kVolumeEmission) && medium.emits();
   if (!scatters && !emits) {
-    beta_ *= estimate_transmittance(medium, ray_, t_max, flight_, count_, ways_);
+    beta_ *= estimate_transmittance(medium, ray_, t_max, flight_, count_, plan_.transmittance);
     ended_ = is_black(beta_);
     return std::nullopt;
   }
   if (!std::isfinite(t_max) && medium.is_homogeneous()) return diverge();
-  if (!emits && ways_.grey && medium.is_achromatic()) return track_achromatic(medium, t_max);
-  TentativeCollisions collisions(medium, ray_, t_max, flight_, ways_.bricks, emits ? emission_rate(medium, t_max) : 0);
+  if (!emits && plan_.transmittance.grey && medium.is_achromatic()) return track_achromatic(medium, t_max);
+  TentativeCollisions collisions(medium, ray_, t_max, flight_, plan_.transmittance.bricks, emits ? emission_rate(medium, t_max) : 0);
   // Where nothing scatters β only shrinks: once little is left of it roulette decides, as for shadow rays.
   const float little = kTransmittanceRoulette * max_component(glm::abs(beta_));
   while (collisions.next()) {
@@ -117,10 +117,10 @@ std::optional<double> PathKernel<kMask>::track(const Medium& medium, double t_ma
 template <uint32_t kMask>
 std::optional<double> PathKernel<kMask>::track_achromatic(const Medium& medium, double t_max) {
   const float unit_t = medium.unit().sigma_t.x, unit_s = medium.unit().sigma_s.x;
-  TentativeCollisions collisions(medium, ray_, t_max, flight_, ways_.bricks);
+  TentativeCollisions collisions(medium, ray_, t_max, flight_, plan_.transmittance.bricks);
   while (collisions.next()) {
     const float majorant = collisions.majorant();
-    if (ways_.residual && unit_s <= unit_t && collisions.in_constant_brick()) {
+    if (plan_.transmittance.residual && unit_s <= unit_t && collisions.in_constant_brick()) {
       beta_ *= unit_s / unit_t;
       return collisions.t();
     }
@@ -169,7 +169,7 @@ bool PathKernel<kMask>::scatter_in_medium(double t, DVec3 p) {
       last_flight_->t = t;
     }
   }
-  if (!first_seen_) see_first(albedo(medium.is_separable() ? medium.unit() : look_up(medium, p)), Vec3(0));
+  if (aov_weight_ > 0) see_first(albedo(medium.is_separable() ? medium.unit() : sample_.look_up(medium, p)), Vec3(0));
   next_vertex();
   const PhaseMix phase = medium.phase_at(p);
   const Vec3 wo(-ray_.d);

@@ -55,7 +55,8 @@ void PathKernel<kMask>::sample_through_glass(const DielectricSphere& body, const
     Rgb transmittance{1};
     if (body.is_empty) {
       if (medium != kNone)
-        transmittance = estimate_transmittance(world_.media[medium], {reference, way.wi, ray_.time}, length, tracking, count_, ways_);
+        transmittance =
+            estimate_transmittance(world_.media[medium], {reference, way.wi, ray_.time}, length, tracking, count_, plan_.transmittance);
     } else {
       Ray inside{scattered.shadow.o, way.v - scattered.shadow.o, ray_.time};
       const double to_boundary = glm::length(inside.d);
@@ -67,7 +68,8 @@ void PathKernel<kMask>::sample_through_glass(const DielectricSphere& body, const
     if (is_black(transmittance)) continue;
     const int behind = world_.medium_after(surface, Vec3(body.flip ? -n : n), way.wo, medium);
     transmittance *=
-        trace_shadow(world_, outside, *distance, behind, light.target, tracking, ways_, uses(kPassableSurfaces), count_).transmittance;
+        trace_shadow(world_, outside, *distance, behind, light.target, tracking, plan_.transmittance, uses(kPassableSurfaces), count_)
+            .transmittance;
     if (is_black(transmittance)) continue;
     const float mis = power_heuristic(density, scattered.pdf);
     add(value * light.radiance * transmittance * static_cast<float>(static_cast<double>(mis / density) / survives), [&] {
@@ -105,7 +107,7 @@ float PathKernel<kMask>::refraction_weight(const Refraction& refraction, const E
     nearest = off;
     ratio = solid_angle_ratio(way, refraction.from, emitter.p, n);
   }
-  const double sampled = static_cast<double>(world_.lights.pmf(light, refraction.from, choose_by()) *
+  const double sampled = static_cast<double>(world_.lights.pmf(light, refraction.from, plan_.choose_by) *
                                              world_.lights.pdf(light, refraction.from, emitter, glm::normalize(straight))) /
                          ratio;
   if (!(sampled > 0) || !std::isfinite(sampled)) return 1;

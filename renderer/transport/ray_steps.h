@@ -2,7 +2,7 @@
 #pragma once
 
 #include "renderer/media/extent.h"
-#include "renderer/transport/walk.h"
+#include "renderer/transport/path_sample.h"
 
 namespace woodcock {
 
@@ -13,7 +13,7 @@ namespace woodcock {
 class RaySteps {
  public:
   /// `step` > 0 in render units; `sample` and `ray` must outlive this.
-  RaySteps(WalkSample& sample, const Medium& medium, const Ray& ray, double t_max, float step, float u)
+  RaySteps(PathSample& sample, const Medium& medium, const Ray& ray, double t_max, float step, float u)
       : sample_(sample),
         medium_(medium),
         ray_(ray),
@@ -50,7 +50,7 @@ class RaySteps {
   DVec3 end_depth() const { return depth_ + DVec3(point_.sigma_t) * length_; }
 
  private:
-  WalkSample& sample_;
+  PathSample& sample_;
   const Medium& medium_;
   const Ray& ray_;
   const Extent extent_;

@@ -42,16 +42,6 @@ bool pass_junction(const World& world, Junction& here, DVec3 w, int& medium, Str
 
 }  // namespace
 
-TransmittanceWays transmittance_ways(const PathSettings& settings) {
-  const auto has = [&](Feature feature) { return settings.plan && settings.features.has(feature); };
-  return {has(Feature::kClosedForms),
-          settings.features.has(Feature::kBricks),
-          has(Feature::kResidual),
-          has(Feature::kRayMarchedShadows),
-          settings.plan,
-          settings.watch};
-}
-
 Rgb attenuation(Rgb sigma, double t) {
   Rgb result;
   for (int c = 0; c < 3; ++c) result[c] = sigma[c] == 0 ? 1.0f : static_cast<float>(std::exp(-static_cast<double>(sigma[c]) * t));
@@ -59,17 +49,17 @@ Rgb attenuation(Rgb sigma, double t) {
 }
 
 Rgb estimate_transmittance(const Medium& medium, const Ray& ray, double t_max, Stream& random, PathCounters& count,
-                           const TransmittanceWays& ways) {
+                           const TransmittanceOptions& options) {
   // An endless way is left to the closed form: where a channel has no extinction a tracking would never end.
-  if (medium.is_homogeneous() && (ways.closed_forms || !std::isfinite(t_max))) return attenuation(medium.homogeneous().sigma_t, t_max);
+  if (medium.is_homogeneous() && (options.closed_forms || !std::isfinite(t_max))) return attenuation(medium.homogeneous().sigma_t, t_max);
   if (const auto endless = endless_part(medium, ray, t_max)) {
     const Rgb beyond = attenuation(endless->point.sigma_t, kInf);
     if (is_black(beyond)) return beyond;
-    return beyond * estimate_transmittance(medium, ray, endless->from, random, count, ways);
+    return beyond * estimate_transmittance(medium, ray, endless->from, random, count, options);
   }
-  const bool grey = ways.grey && medium.is_grey();
-  if (ways.ray_marching && !medium.scatters()) {
-    const MarchedSegments segments(medium, ray, t_max, ways.bricks);
+  const bool grey = options.grey && medium.is_grey();
+  if (options.ray_marching && !medium.scatters()) {
+    const MarchedSegments segments(medium, ray, t_max, options.bricks);
     if (!segments.overflows() && segments.depth() > kShallow && segments.depth() < kDeep) {
       return march_transmittance(medium, ray, segments, grey, random, count.medium_lookups) *
              static_cast<float>(segments.lower_transmittance());
@@ -77,11 +67,11 @@ Rgb estimate_transmittance(const Medium& medium, const Ray& ray, double t_max, S
   }
   // In double, so that a billion weak collisions dim.
   DVec3 estimate{1};
-  TentativeCollisions collisions(medium, ray, t_max, random, ways.bricks, 0,
-                                 ways.residual ? Collide::kAboveLowerBound : Collide::kMajorant);
+  TentativeCollisions collisions(medium, ray, t_max, random, options.bricks, 0,
+                                 options.residual ? Collide::kAboveLowerBound : Collide::kMajorant);
   while (collisions.next()) {
     ++count.medium_lookups;
-    if (flight_is_cancelled(ways, count)) return Rgb(0);
+    if (flight_is_cancelled(options, count)) return Rgb(0);
     const DVec3 p = ray.at(collisions.t());
     const float inverse = 1 / collisions.rate(), lower = collisions.lower();
     if (grey) {
@@ -99,11 +89,11 @@ Rgb estimate_transmittance(const Medium& medium, const Ray& ray, double t_max, S
 }
 
 Shadow trace_shadow(const World& world, Ray ray, double t_max, int medium, TargetPrimitive target, Stream& random,
-                    const TransmittanceWays& ways, bool passable_surfaces, PathCounters& count, const Junction* from) {
+                    const TransmittanceOptions& options, bool passable_surfaces, PathCounters& count, const Junction* from) {
   ++count.shadow_rays;
   const auto through_medium = [&](Rgb estimate, double length) {
     if (medium == kNone) return estimate;
-    return estimate * estimate_transmittance(world.media[medium], ray, length, random, count, ways);
+    return estimate * estimate_transmittance(world.media[medium], ray, length, random, count, options);
   };
   if (from != nullptr) {
     Junction here = *from;

@@ -15,7 +15,7 @@ inline constexpr int kMaxCrossings = 10000;
 inline constexpr float kTransmittanceRoulette = 0.1f, kRouletteSurvival = 0.25f;
 
 /// Which ways of estimating a transmittance may be used; the expectation is the same with any of them.
-struct TransmittanceWays {
+struct TransmittanceOptions {
   bool closed_forms = true;          ///< homogeneous media and constant bricks without tracking
   bool bricks = true;                ///< majorants of bricks, not of the whole volume
   bool residual = true;              ///< tracking of what lies above the lower bound of a brick
@@ -25,12 +25,9 @@ struct TransmittanceWays {
 };
 
 /// In long flights, at every 65536th look-up: whether the render is to end. What is returned then means nothing.
-inline bool flight_is_cancelled(const TransmittanceWays& ways, const PathCounters& count) {
-  return (count.medium_lookups & 0xffff) == 0 && ways.watch != nullptr && ways.watch->cancel.load(std::memory_order_relaxed);
+inline bool flight_is_cancelled(const TransmittanceOptions& options, const PathCounters& count) {
+  return (count.medium_lookups & 0xffff) == 0 && options.watch != nullptr && options.watch->cancel.load(std::memory_order_relaxed);
 }
-
-/// The ways that features and plan leave.
-TransmittanceWays transmittance_ways(const PathSettings& settings);
 
 /// exp(−σ·t) per channel with exp(−0·∞) = 1: a distant light through an unbounded medium arrives only in the
 /// channels without extinction.
@@ -41,7 +38,7 @@ Rgb attenuation(Rgb sigma, double t);
 /// tentative collisions x_i of rate σ̄ − σl, σl ≤ σt ≤ σ̄ the bounds of a brick (Novák, Selle & Jarosz 2014, sections 3
 /// and 4), ended by Russian roulette below 0.1, or by ray marching without bias (ray_marching.h).
 Rgb estimate_transmittance(const Medium& medium, const Ray& ray, double t_max, Stream& random, PathCounters& count,
-                           const TransmittanceWays& ways = {});
+                           const TransmittanceOptions& options = {});
 
 /// What a shadow ray found.
 struct Shadow {
@@ -54,6 +51,6 @@ struct Shadow {
 /// of the light included. `from` is the place that the ray starts at, if surfaces coincide
 /// there; ray.o lies beyond all of them.
 Shadow trace_shadow(const World& world, Ray ray, double t_max, int medium, TargetPrimitive target, Stream& random,
-                    const TransmittanceWays& ways, bool passable_surfaces, PathCounters& count, const Junction* from = nullptr);
+                    const TransmittanceOptions& options, bool passable_surfaces, PathCounters& count, const Junction* from = nullptr);
 
 }  // namespace woodcock

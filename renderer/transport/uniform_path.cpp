@@ -2,8 +2,8 @@
 
 #include <cmath>
 
+#include "renderer/transport/paper_path.h"
 #include "renderer/transport/tentative_collisions.h"
-#include "renderer/transport/walk.h"
 
 namespace woodcock {
 namespace {
@@ -19,40 +19,45 @@ Rgb gathered(Rgb j, Rgb sigma, double t) {
   return sum;
 }
 
-/// At each tentative collision under the majorant σ̄ the path gains σa Le/σ̄ and keeps 1 − σt/σ̄ of its weight.
-Flight pass(WalkSample& sample, Walk& w, const std::optional<Hit>& hit) {
-  const Medium& medium = sample.world.media[w.medium];
-  const double z = hit ? hit->t : static_cast<double>(kInf);
-  const std::optional<EndlessPart> endless = endless_part(medium, w.ray, z);
-  if (endless && diverges(*endless, w, false)) return sample.diverge();
-  if (medium.is_homogeneous()) {
-    const MediumPoint& m = medium.homogeneous();
-    if (medium.emits()) sample.add(w, gathered(m.emission, m.sigma_t, z));
-    w.beta *= attenuation(m.sigma_t, z);
-  } else if (const double reach = endless ? endless->from : z; medium.emits()) {
-    TentativeCollisions collisions(medium, w.ray, reach, w.flight);
-    while (collisions.next() && !sample.stopped) {
-      const MediumPoint m = sample.look_up(medium, w.ray.at(collisions.t()));
-      sample.add(w, m.emission / collisions.majorant());
-      w.beta *= glm::max(Rgb(0), Rgb(1) - m.sigma_t / collisions.majorant());
+class UniformPath : public PaperPath<UniformPath> {
+ public:
+  UniformPath(PathSample& sample, Ray ray, PathKey key)
+      : PaperPath(sample, ray, key, ScatterDirections::kUniform, sample.plan.paper.branching) {}
+
+  /// At each tentative collision under the majorant σ̄ the path gains σa Le/σ̄ and keeps 1 − σt/σ̄ of its weight.
+  FlightEnd cross_medium(const std::optional<Hit>& hit) {
+    const Medium& medium = world_.media[medium_];
+    const double z = hit ? hit->t : static_cast<double>(kInf);
+    const std::optional<EndlessPart> endless = endless_part(medium, ray_, z);
+    if (endless && diverges(*endless, false)) return diverge();
+    if (medium.is_homogeneous()) {
+      const MediumPoint& m = medium.homogeneous();
+      if (medium.emits()) add(gathered(m.emission, m.sigma_t, z));
+      beta_ *= attenuation(m.sigma_t, z);
+    } else if (const double reach = endless ? endless->from : z; medium.emits()) {
+      TentativeCollisions collisions(medium, ray_, reach, flight_);
+      while (collisions.next() && !sample_.stopped) {
+        const MediumPoint m = sample_.look_up(medium, ray_.at(collisions.t()));
+        add(m.emission / collisions.majorant());
+        beta_ *= glm::max(Rgb(0), Rgb(1) - m.sigma_t / collisions.majorant());
+      }
+    } else if (medium.attenuates()) {
+      beta_ *= estimate_transmittance(medium, ray_, reach, flight_, count_);
     }
-  } else if (medium.attenuates()) {
-    w.beta *= estimate_transmittance(medium, w.ray, reach, w.flight, sample.count);
+    if (endless && !medium.is_homogeneous()) {
+      add(gathered(endless->point.emission, endless->point.sigma_t, static_cast<double>(kInf)));
+      beta_ *= attenuation(endless->point.sigma_t, static_cast<double>(kInf));
+    }
+    return is_black(beta_) ? FlightEnd::kOver : FlightEnd::kThrough;
   }
-  if (endless && !medium.is_homogeneous()) {
-    sample.add(w, gathered(endless->point.emission, endless->point.sigma_t, static_cast<double>(kInf)));
-    w.beta *= attenuation(endless->point.sigma_t, static_cast<double>(kInf));
-  }
-  return is_black(w.beta) ? Flight::kOver : Flight::kThrough;
-}
+};
 
 }  // namespace
 
-PathResult trace_uniform_path(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
+PathResult trace_uniform_path(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
   ++count.paths;
-  WalkSample sample{world, settings, count};
-  follow(sample, Walk(ray, world.camera_medium, key), settings.paper.branching,
-         [&](Walk& w, const std::optional<Hit>& hit) { return pass(sample, w, hit); });
+  PathSample sample{world, plan, count};
+  UniformPath(sample, ray, key).follow();
   return sample.result;
 }
 

@@ -11,6 +11,6 @@ namespace woodcock {
 ///
 /// The paper has no media here. Those that absorb and emit are passed without a choice, ∫₀ᶻ T σa Le ds + T(z) L₀ in closed
 /// form where they are homogeneous and by ratio tracking elsewhere; those that scatter are refused (estimator.h).
-PathResult trace_uniform_path(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count);
+PathResult trace_uniform_path(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count);
 
 }  // namespace woodcock

@@ -1,7 +1,7 @@
 #include "renderer/transport/woodcock.h"
 
 #include "renderer/media/extent.h"
-#include "renderer/transport/walk.h"
+#include "renderer/transport/paper_path.h"
 
 namespace woodcock {
 namespace {
@@ -14,75 +14,80 @@ Rgb null_extinction(float majorant, Rgb sigma_t, PathCounters& count) {
   return glm::max(sigma_n, Rgb(0));
 }
 
-/// In an endless part some channels may be dimmed for ever and others not at all, and tracking both would never end: the weight
-/// of the first would only shrink. One of the two groups is kept, chosen by its share of the throughput.
-void keep_one_group(Walk& w, const EndlessPart& endless) {
-  const Rgb fading(glm::greaterThan(endless.point.sigma_t, Rgb(0)));
-  const float dimmed = glm::dot(w.beta, fading), all = w.beta.r + w.beta.g + w.beta.b;
-  if (!(dimmed > 0 && dimmed < all)) return;
-  const float share = dimmed / all;
-  w.beta *= w.flight.uniform() < share ? fading / share : (Rgb(1) - fading) / (1 - share);
-}
+class WoodcockPath : public PaperPath<WoodcockPath> {
+ public:
+  WoodcockPath(PathSample& sample, Ray ray, PathKey key, ScatterDirections directions) : PaperPath(sample, ray, key, directions) {}
 
-/// A collision that stops the ray, or nothing where it gets through.
-Flight fly(WalkSample& sample, Walk& w, const std::optional<Hit>& hit, ScatterFunction scatter) {
-  const Medium& medium = sample.world.media[w.medium];
-  const double z = hit ? hit->t : static_cast<double>(kInf);
-  const bool scatters = medium.scatters() && sample.may_scatter(w);
-  const std::optional<EndlessPart> endless = endless_part(medium, w.ray, z);
-  if (endless && diverges(*endless, w, scatters)) return sample.diverge();
-  const float majorant = medium.maximum_sigma_t();
-  if (!(majorant > 0)) return Flight::kThrough;
-  const Extent extent = extent_of(medium, w.ray, z);
-  for (double t = extent.begin;;) {
-    t += static_cast<double>(w.flight.exponential()) / static_cast<double>(majorant);
-    if (!(t < extent.end)) return Flight::kThrough;
-    const MediumPoint m = sample.look_up(medium, w.ray.at(t));
-    if (sample.stopped) return Flight::kOver;
-    if (endless && t >= endless->from) keep_one_group(w, *endless);
-    const Rgb sigma_s = scatters ? m.sigma_s : Rgb(0), kappa = glm::max(m.sigma_t, sigma_s);
-    const Rgb sigma_n = null_extinction(majorant, m.sigma_t, sample.count);
-    const float real = glm::dot(w.beta, kappa), all = glm::dot(w.beta, kappa + sigma_n);
-    if (!(all > 0)) return Flight::kOver;
-    if (!(real > 0)) {
-      // Nothing dims the ray here. Emission without extinction is gathered at every tentative collision.
-      if ((medium.is_homogeneous() || (endless && t >= endless->from)) && is_black(m.emission)) return Flight::kThrough;
-      sample.add(w, m.emission / majorant);
-      w.beta *= sigma_n / majorant;
-      continue;
+  /// To the collision that stops the ray, if there is one before the end.
+  FlightEnd cross_medium(const std::optional<Hit>& hit) {
+    const Medium& medium = world_.media[medium_];
+    const double z = hit ? hit->t : static_cast<double>(kInf);
+    const bool scatters = medium.scatters() && may_scatter();
+    const std::optional<EndlessPart> endless = endless_part(medium, ray_, z);
+    if (endless && diverges(*endless, scatters)) return diverge();
+    const float majorant = medium.maximum_sigma_t();
+    if (!(majorant > 0)) return FlightEnd::kThrough;
+    const Extent extent = extent_of(medium, ray_, z);
+    for (double t = extent.begin;;) {
+      t += static_cast<double>(flight_.exponential()) / static_cast<double>(majorant);
+      if (!(t < extent.end)) return FlightEnd::kThrough;
+      const MediumPoint m = sample_.look_up(medium, ray_.at(t));
+      if (sample_.stopped) return FlightEnd::kOver;
+      if (endless && t >= endless->from) keep_one_group(*endless);
+      const Rgb sigma_s = scatters ? m.sigma_s : Rgb(0), kappa = glm::max(m.sigma_t, sigma_s);
+      const Rgb sigma_n = null_extinction(majorant, m.sigma_t, count_);
+      const float real = glm::dot(beta_, kappa), all = glm::dot(beta_, kappa + sigma_n);
+      if (!(all > 0)) return FlightEnd::kOver;
+      if (!(real > 0)) {
+        // Nothing dims the ray here. Emission without extinction is gathered at every tentative collision.
+        if ((medium.is_homogeneous() || (endless && t >= endless->from)) && is_black(m.emission)) return FlightEnd::kThrough;
+        add(m.emission / majorant);
+        beta_ *= sigma_n / majorant;
+        continue;
+      }
+      const float q = real / all;
+      // In double: see PathKernel::track.
+      if (!(flight_.uniform_double() < static_cast<double>(q))) {
+        beta_ *= sigma_n / (majorant * (1 - q));
+        continue;
+      }
+      const float density = majorant * q;
+      see(aov_weight_, albedo(m), Vec3(0), t);
+      aov_weight_ = 0;
+      add(m.emission / density);
+      if (is_black(sigma_s)) return FlightEnd::kOver;
+      beta_ *= sigma_s / density;
+      return scatter_in_medium(medium, point_before(world_, ray_, t, hit)) ? FlightEnd::kScattered : FlightEnd::kOver;
     }
-    const float q = real / all;
-    // In double: see PathKernel::track.
-    if (!(w.flight.uniform_double() < static_cast<double>(q))) {
-      w.beta *= sigma_n / (majorant * (1 - q));
-      continue;
-    }
-    const float density = majorant * q;
-    sample.see(w, w.unseen, albedo(m), Vec3(0), t);
-    w.unseen = 0;
-    sample.add(w, m.emission / density);
-    if (is_black(sigma_s)) return Flight::kOver;
-    w.beta *= sigma_s / density;
-    return scatter(sample, w, medium, point_before(sample.world, w.ray, t, hit)) ? Flight::kScattered : Flight::kOver;
   }
-}
 
-PathResult trace(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count, ScatterFunction scatter) {
+ private:
+  /// In an endless part some channels may be dimmed for ever and others not at all, and tracking both would never end: the weight
+  /// of the first would only shrink. One of the two groups is kept, chosen by its share of the throughput.
+  void keep_one_group(const EndlessPart& endless) {
+    const Rgb fading(glm::greaterThan(endless.point.sigma_t, Rgb(0)));
+    const float dimmed = glm::dot(beta_, fading), all = beta_.r + beta_.g + beta_.b;
+    if (!(dimmed > 0 && dimmed < all)) return;
+    const float share = dimmed / all;
+    beta_ *= flight_.uniform() < share ? fading / share : (Rgb(1) - fading) / (1 - share);
+  }
+};
+
+PathResult trace(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count, ScatterDirections directions) {
   ++count.paths;
-  WalkSample sample{world, settings, count};
-  follow(sample, Walk(ray, world.camera_medium, key), 1,
-         [&](Walk& w, const std::optional<Hit>& hit) { return fly(sample, w, hit, scatter); });
+  PathSample sample{world, plan, count};
+  WoodcockPath(sample, ray, key, directions).follow();
   return sample.result;
 }
 
 }  // namespace
 
-PathResult trace_woodcock(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
-  return trace(world, settings, ray, key, count, scatter_uniformly);
+PathResult trace_woodcock(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
+  return trace(world, plan, ray, key, count, ScatterDirections::kUniform);
 }
 
-PathResult trace_woodcock_phase(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count) {
-  return trace(world, settings, ray, key, count, scatter_by_phase);
+PathResult trace_woodcock_phase(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
+  return trace(world, plan, ray, key, count, ScatterDirections::kPhase);
 }
 
 }  // namespace woodcock

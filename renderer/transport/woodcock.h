@@ -13,9 +13,9 @@ namespace woodcock {
 /// probability is q = β·κ/β·(κ + σn), with κ = max(σt, σs) and σn = σ̄ − σt, and the weights are those of the general
 /// null-collision equation, divided by the probabilities used: (σa Le, σs)/(σ̄ q) and σn/(σ̄ (1 − q)). Without any extinction
 /// distances have the density σ̄ e^(−σ̄ s). Unbiased up to `max_depth`.
-PathResult trace_woodcock(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count);
+PathResult trace_woodcock(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count);
 
 /// The same with directions drawn from the phase function, whose weight is 1 (§3.2, eq. 12 and 13).
-PathResult trace_woodcock_phase(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count);
+PathResult trace_woodcock_phase(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count);
 
 }  // namespace woodcock

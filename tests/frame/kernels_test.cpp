@@ -11,6 +11,7 @@
 #include <fstream>
 
 #include "renderer/frame/frame_renderer.h"
+#include "renderer/transport/render_plan.h"
 #include "tests/support/run_command.h"
 
 namespace woodcock::testing {
@@ -46,6 +47,7 @@ PathSettings settings_of(const FrameRenderer& frame) {
 /// Radiances of `samples` paths spread over the image.
 std::vector<Rgb> radiances(const FrameRenderer& frame, const PathSettings& settings, RadianceFunction function, int samples,
                            PathCounters& count) {
+  const RenderPlan plan(frame.world(), settings);
   const PixelRect bounds = frame.header().bounds;
   std::vector<Rgb> result;
   for (int i = 0; i < samples; ++i) {
@@ -53,7 +55,7 @@ std::vector<Rgb> radiances(const FrameRenderer& frame, const PathSettings& setti
               y = bounds.y0 + static_cast<int>(i * 104729LL % bounds.height());
     const PathKey key =
         path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i), 0, true);
-    result.push_back(function(frame.world(), settings, camera_sample(frame.world(), key, x, y).ray, key, count).radiance);
+    result.push_back(function(frame.world(), plan, camera_sample(frame.world(), key, x, y).ray, key, count).radiance);
   }
   return result;
 }
@@ -114,7 +116,7 @@ TEST(Plan, OffHasTheSameExpectation) {
     const auto render = [&](bool plan) {
       settings.plan = plan;
       PathCounters count;
-      return radiances(frame, settings, path_function(frame.world(), settings), kSamples, count);
+      return radiances(frame, settings, trace_path, kSamples, count);
     };
     const std::vector<Rgb> on = render(true), off = render(false);
     EXPECT_FALSE(same_bits(on, off)) << name << ": the plan changes nothing here";
@@ -144,7 +146,7 @@ class Omissions : public ::testing::Test {
     PathSettings settings = settings_of(frame);
     settings.plan = plan;
     PathCounters counters;
-    radiances(frame, settings, path_function(frame.world(), settings), 2000, counters);
+    radiances(frame, settings, trace_path, 2000, counters);
     return counters;
   }
   static std::string ball(const std::string& medium) {

@@ -112,7 +112,7 @@ TestRay test_ray(const CompiledScene& scene, DVec3 o, DVec3 towards) {
   return {ray, transform_point(space.world_from_render, DVec3(ray.o)), glm::normalize(DVec3(ray.d))};
 }
 float radiance(const CompiledScene& scene, const TestRay& ray, PathCounters& counters) {
-  return trace_path(*scene.world, scene.settings, ray.ray, path_key(1, 0, 0, 0), counters).radiance.r;
+  return trace_path(*scene.world, {*scene.world, scene.settings}, ray.ray, path_key(1, 0, 0, 0), counters).radiance.r;
 }
 
 /// What the origins that surfaces move by a few units in the last place change in a radiance, at a grazing angle.

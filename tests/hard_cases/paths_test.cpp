@@ -282,7 +282,8 @@ const Pixels& pixels() {
       for (int i = 0; i < Pixels::kSamples; ++i) {
         const PathKey key = path_key(frame_seed(9, 0), static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i));
         const CameraSample camera = camera_sample(*scene.world, key, x % scene.width, y % scene.height);
-        const double value = static_cast<double>(trace_path(*scene.world, scene.settings, camera.ray, key, counters).radiance.g);
+        const double value =
+            static_cast<double>(trace_path(*scene.world, {*scene.world, scene.settings}, camera.ray, key, counters).radiance.g);
         sum += value;
         squares += value * value;
         n += 1;

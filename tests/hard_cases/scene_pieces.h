@@ -14,7 +14,7 @@ inline constexpr double kPiD = 3.14159265358979323846;
 /// What a path along this world-space ray brings.
 inline Rgb radiance_along(const CompiledScene& scene, DVec3 o, DVec3 d, PathCounters& counters, uint64_t sample = 0) {
   const DVec3 at = scene.world->space.scale * (o - scene.world->space.center);
-  return trace_path(*scene.world, scene.settings, {at, glm::normalize(d)}, path_key(1, 0, 0, sample), counters).radiance;
+  return trace_path(*scene.world, {*scene.world, scene.settings}, {at, glm::normalize(d)}, path_key(1, 0, 0, sample), counters).radiance;
 }
 
 inline std::string lamp(const std::string& shape, const char* extra = "") {

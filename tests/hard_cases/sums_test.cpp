@@ -76,17 +76,17 @@ TEST(HardCases, N15_a_sum_without_end_is_followed_to_the_last_of_its_grids) {
   // The fog has no extinction in blue, so nothing but its end stops a path behind the grid; red and green never see the sky.
   const std::string parts = constant_grid("c", {0, 0.2f, 0.1f}, {0, 0.3f, 0.6f}, 1.5) + homogeneous("f", {0.2f, 0.1f, 0}, {0.3f, 0.1f, 0}) +
                             sum("m", "\"f\" \"c\"");
-  const std::string text = "MediumInterface \"\" \"m\"\n" + perspective({0, 0, 3}, {0, 0, 0}, 20, 40) + "WorldBegin\n" + parts +
-                           environment({1, 0.5f, 0.25f});
+  const std::string text =
+      "MediumInterface \"\" \"m\"\n" + perspective({0, 0, 3}, {0, 0, 0}, 20, 40) + "WorldBegin\n" + parts + environment({1, 0.5f, 0.25f});
   const CompiledScene scene = compile(text);
   CompiledScene general = compile(text);
   general.settings.plan = false;
-  general.radiance = path_function(*general.world, general.settings);
   const Estimate a = estimate(scene, 40000, 15);
   EXPECT_EQ(a.mean[0], 0);
   EXPECT_GT(a.mean[2], 0.05);
   expect_equal(a, estimate(general, 40000, 16), 0.02, "plan off");
-  for (const char* name : {"woodcock", "woodcock-phase"}) expect_equal(a, estimate(with_estimator(compile(text), {name}), 40000, 17), 0.02, name);
+  for (const char* name : {"woodcock", "woodcock-phase"})
+    expect_equal(a, estimate(with_estimator(compile(text), {name}), 40000, 17), 0.02, name);
   EXPECT_EQ(a.counters.truncated, 0u);
 }
 

@@ -20,13 +20,14 @@ PathCounters run(const CompiledScene& scene, int samples, uint64_t seed, Take&& 
   PathCounters counters;
   PathSettings settings = scene.settings;
   settings.frame_seed = frame_seed(seed, 0);
+  const RenderPlan plan(*scene.world, settings);
   const int pixels = scene.width * scene.height;
   for (int i = 0; i < samples; ++i) {
     const int pixel = i % pixels, x = pixel % scene.width, y = pixel / scene.width;
     const PathKey key =
         path_key(settings.frame_seed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i / pixels));
     const CameraSample camera = camera_sample(*scene.world, key, x, y);
-    take(camera.weight * scene.radiance(*scene.world, settings, camera.ray, key, counters).radiance);
+    take(camera.weight * scene.radiance(*scene.world, plan, camera.ray, key, counters).radiance);
   }
   return counters;
 }

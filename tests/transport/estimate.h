@@ -7,6 +7,7 @@
 #include <string>
 
 #include "renderer/transport/estimator.h"
+#include "renderer/transport/render_plan.h"
 
 namespace woodcock::testing {
 

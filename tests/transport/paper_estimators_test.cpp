@@ -192,7 +192,7 @@ TEST(PaperEstimators, ReportTheFirstEvent) {
     std::array<double, 7> sum{};
     for (int i = 0; i < samples; ++i) {
       const PathKey key = path_key(1, 4, 4, static_cast<uint64_t>(i));
-      const PathResult r = s.radiance(*s.world, s.settings, camera_sample(*s.world, key, 4, 4).ray, key, counters);
+      const PathResult r = s.radiance(*s.world, {*s.world, s.settings}, camera_sample(*s.world, key, 4, 4).ray, key, counters);
       for (int c = 0; c < 3; ++c) {
         sum[static_cast<size_t>(c)] += static_cast<double>(r.albedo[c]) / samples;
         sum[static_cast<size_t>(3 + c)] += static_cast<double>(r.normal[c]) / samples;

@@ -19,7 +19,7 @@ std::vector<PathResult> look(const std::string& text, int samples) {
   for (int i = 0; i < samples; ++i) {
     const PathKey key = path_key(1, 4, 4, static_cast<uint64_t>(i));
     const CameraSample camera = camera_sample(*scene.world, key, 4, 4);
-    seen.push_back(trace_path(*scene.world, scene.settings, camera.ray, key, counters));
+    seen.push_back(trace_path(*scene.world, {*scene.world, scene.settings}, camera.ray, key, counters));
   }
   return seen;
 }

@@ -48,13 +48,14 @@ Mean render(const World& world, RadianceFunction run, Features features, uint64_
   settings.frame_seed = frame_seed(seed, 0);
   settings.max_depth = 40;
   settings.features = features;
+  const RenderPlan plan(world, settings);
   PathCounters count;
   double sum = 0, squares = 0;
   for (int i = 0; i < samples; ++i) {
     const uint32_t x = static_cast<uint32_t>(i % 8), y = static_cast<uint32_t>(i / 8 % 8);
     const PathKey key = path_key(settings.frame_seed, x, y, static_cast<uint64_t>(i / 64));
     const double l = static_cast<double>(
-        luminance(run(world, settings, camera_sample(world, key, static_cast<int>(x), static_cast<int>(y)).ray, key, count).radiance));
+        luminance(run(world, plan, camera_sample(world, key, static_cast<int>(x), static_cast<int>(y)).ray, key, count).radiance));
     sum += l;
     squares += l * l;
   }

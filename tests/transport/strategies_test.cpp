@@ -158,13 +158,14 @@ TEST(Strategies, LongFlightsOfPathsAndShadowRaysCanBeCancelled) {
   const PathKey key = path_key(1, 0, 0, 0);
   const auto look_ups = [&](CompiledScene scene, bool shadow) {
     scene.settings.watch = &watch;
+    const RenderPlan plan(*scene.world, scene.settings);
     const Ray ray = camera_sample(*scene.world, key, 0, 0).ray;
     PathCounters counters;
     if (shadow) {
       Stream random = stream(key, 0, Purpose::kTransmittance);
-      estimate_transmittance(scene.world->media[0], ray, 10, random, counters, transmittance_ways(scene.settings));
+      estimate_transmittance(scene.world->media[0], ray, 10, random, counters, plan.transmittance);
     } else {
-      scene.radiance(*scene.world, scene.settings, ray, key, counters);
+      scene.radiance(*scene.world, plan, ray, key, counters);
     }
     return counters.medium_lookups;
   };

@@ -4,9 +4,10 @@
 
 namespace woodcock::testing {
 
-PathResult record_path(const World& world, const PathSettings& settings, Ray ray, PathKey key, PathCounters& count, PathRecord& record) {
+PathResult record_path(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count, PathRecord& record) {
   ++count.paths;
-  PathKernel<kAllEffects | kRecorded> kernel(world, settings, active_effects(world, settings), ray, key, count);
+  PathSample sample{world, plan, count};
+  PathKernel<kAllEffects | kRecorded> kernel(sample, ray, key);
   record.clear();
   kernel.record(record);
   return kernel.run();

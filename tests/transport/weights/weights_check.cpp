@@ -58,7 +58,7 @@ struct CheckedScene {
 
   PathResult record(int path, PathRecord& record) {
     const Start s = start(path);
-    return record_path(*world, settings, s.ray, s.key, count, record);
+    return record_path(*world, {*world, settings}, s.ray, s.key, count, record);
   }
 };
 
@@ -85,7 +85,7 @@ CheckReport check_scene(const std::string& text, PathSettings settings, bool for
     if (i % 16 != 0) continue;
     // What is recorded is what is rendered.
     const CheckedScene::Start start = scene.start(i);
-    if (trace_path(*scene.world, scene.settings, start.ray, start.key, shipped_count).radiance == result.radiance) continue;
+    if (trace_path(*scene.world, {*scene.world, scene.settings}, start.ray, start.key, shipped_count).radiance == result.radiance) continue;
     ++report.failed;
     report.failures.push_back(path_name + ": the recording kernel gives another radiance than the one that users run");
   }
