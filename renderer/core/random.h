@@ -139,6 +139,18 @@ inline PathKey path_key(uint64_t frame_seed, uint32_t x, uint32_t y, uint64_t sa
   return key;
 }
 
+/// Direction i of the `count` that a path takes at one vertex has numbers of its own from there on; evenly spread ones continue the
+/// sequences of later vertices with `count` points a sample.
+inline PathKey split_key(PathKey path, uint32_t i, uint32_t count) {
+  PathKey key = path;
+  if (i > 0) key.key = hash_combine(path.key, 0x73706c6974ULL + i);
+  const uint64_t place = static_cast<uint64_t>(path.index) * count + i;
+  key.index = static_cast<uint32_t>(place);
+  // Behind 2³² points a new sequence begins.
+  if (const uint64_t round = place >> 32; round > 0) key.replicate = hash_combine(path.replicate, round);
+  return key;
+}
+
 /// The stream of one purpose at one path vertex. Vertex 0 is the camera; interfaces and null collisions
 /// do not advance the vertex.
 inline Stream stream(PathKey path, uint32_t vertex, Purpose purpose) {

@@ -12,6 +12,7 @@
 #include "renderer/frame/estimator_settings.h"
 #include "renderer/frame/frame_header.h"
 #include "renderer/transport/render_plan.h"
+#include "renderer/transport/splitting.h"
 #include "renderer/world/world.h"
 
 namespace woodcock {
@@ -91,6 +92,8 @@ FrameRenderer::FrameRenderer(const std::string& scene_path, const FrameSettings&
                        estimator.branching};
   impl_->path.terms = estimator.terms;
   impl_->radiance = estimator.estimator->radiance;
+  if (estimator.estimator->tunable)
+    impl_->path.splits = find_splits(*impl_->world, impl_->path, impl_->header.width, impl_->header.height);
   impl_->low_discrepancy = estimator.estimator->tunable && estimator.features.has(Feature::kSobol);
 }
 

@@ -25,6 +25,8 @@ struct PaperSettings {
   int branching = 1;   ///< directions at the first bounce
 };
 
+inline constexpr uint32_t kMostSplits = 4;
+
 /// What a user asks for; a RenderPlan (render_plan.h) is what becomes of it in a scene.
 struct PathSettings {
   uint64_t frame_seed = 0;
@@ -32,7 +34,10 @@ struct PathSettings {
   const PathWatch* watch = nullptr;
   Features features;         ///< of the estimator `auto`
   bool full_kernel = false;  ///< run the kernel with every effect compiled in; the same bits
-  bool plan = true;          ///< off: the general algorithm, without what was found out about the scene
+  /// Directions that a path takes at its first scattering that samples light (splitting.h finds how many are worth while); 1 to
+  /// kMostSplits.
+  uint32_t splits = 1;
+  bool plan = true;  ///< off: the general algorithm, without what was found out about the scene
   PaperSettings paper;
   TransferTerms terms;  ///< that the world's media were compiled with
 };

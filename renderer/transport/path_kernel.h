@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <type_traits>
+#include <utility>
 
 #include "renderer/core/frame.h"
 #include "renderer/media/extent.h"
@@ -35,7 +36,8 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   friend Base;
 
  public:
-  PathKernel(PathSample& sample, Ray ray, PathKey key) : Base(sample, sample.plan.effects, ray, key), channel_(0), equiangular_(0) {
+  PathKernel(PathSample& sample, Ray ray, PathKey key)
+      : Base(sample, sample.plan.effects, ray, key), channel_(0), equiangular_(0), directions_(sample.plan.splits) {
     if (uses(kChromaticExtinction) && !plan_.channel_mixture) {
       // One channel a path, each in turn at random: the others carry nothing.
       const int only = std::min(2, static_cast<int>(3 * stream(key, 0, Purpose::kHeroChannel).uniform()));
@@ -75,6 +77,7 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   using Base::ray_towards;
   using Base::result_;
   using Base::sample_;
+  using Base::start_weight_;
   using Base::travelled_;
   using Base::uses;
   using Base::vertex_;
@@ -199,6 +202,30 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
 
   bool scatter_in_medium(double t, DVec3 p);
 
+  /// Takes a direction drawn from the phase function. False where the path ends.
+  bool leave_in_medium(const PhaseMix& phase, DVec3 p, Vec3 wo);
+
+  /// At the first scattering by which light was sampled the path goes on in as many directions as the plan says, each with its share of the
+  /// throughput: `take_one(branch, is_path)` does that. The last of them is the path itself.
+  template <typename TakeOne>
+  bool split(TakeOne&& take_one) {
+    const uint32_t directions = std::exchange(directions_, 1u);
+    if (directions == 1) return take_one(*this, true);
+    beta_ /= static_cast<float>(directions);
+    start_weight_ /= static_cast<float>(directions);
+    note([&] { return PathSplits{directions}; });
+    const PathKey key = key_;
+    for (uint32_t i = 1; i < directions; ++i) {
+      PathKernel branch(*this);
+      branch.key_ = split_key(key, i, directions);
+      note([&] { return BranchStarts{beta_}; });
+      if (take_one(branch, false)) branch.follow();
+    }
+    key_ = split_key(key, 0, directions);
+    note([&] { return BranchStarts{beta_}; });
+    return take_one(*this, true);
+  }
+
   // --- surfaces ------------------------------------------------------------------------------------------
 
   static Rgb eval_model(const Bsdf& b, Vec3 wo, Vec3 wi, Stream& layered) { return eval(b, wo, wi, layered); }
@@ -230,6 +257,16 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
       });
     }
 
+    if (is_specular(bsdf)) return leave_surface(v, bsdf, frame, wo, layered);
+    return split([&](PathKernel& branch, bool is_path) {
+      return branch.leave_surface(v, bsdf, frame, wo, is_path ? layered : stream(branch.key_, vertex_, Purpose::kLayered));
+    });
+  }
+
+  /// Takes a direction drawn from the material. False where the path ends.
+  template <typename Model>
+  bool leave_surface(const SurfaceVertex& v, const Model& bsdf, const Frame& frame, Vec3 wo, Stream layered) {
+    const SurfacePoint& s = v.s;
     Stream direction = stream(key_, vertex_, Purpose::kDirection);
     const auto sample = sample_model(bsdf, wo, direction, layered);
     if (!sample) return false;
@@ -406,6 +443,7 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   }
 
   Stream channel_, equiangular_;
+  uint32_t directions_;  ///< that the path takes at its next scattering that samples light
   Flight this_flight_;
   std::optional<Flight> last_flight_;  ///< that led to the last vertex; nothing where that is no scattering in a medium
   /// Of the last scattering: the point it happened at and the pdf of the direction, 0 where light sampling could not

@@ -179,6 +179,11 @@ bool PathKernel<kMask>::scatter_in_medium(double t, DVec3 p) {
     scattered = {phase.eval(wo, wi), phase.pdf(wo, wi), {p, wi, ray_.time}, medium_};
   });
 
+  return split([&](PathKernel& branch, bool) { return branch.leave_in_medium(phase, p, wo); });
+}
+
+template <uint32_t kMask>
+bool PathKernel<kMask>::leave_in_medium(const PhaseMix& phase, DVec3 p, Vec3 wo) {
   Stream direction = stream(key_, vertex_, Purpose::kDirection);
   const Vec2 u = direction.uniform2();
   const auto sample = phase.sample(wo, u, direction.uniform());

@@ -57,6 +57,14 @@ struct RouletteSurvived {
   double q;
   DVec3 beta;
 };
+/// The vertex goes on in so many directions, each with its share of the throughput.
+struct PathSplits {
+  uint32_t directions;
+};
+/// One of them: what comes until the next one starts belongs to it.
+struct BranchStarts {
+  DVec3 beta;
+};
 struct LightAdded {
   Technique technique;
   int source = -1;         ///< the light; of emission in media the medium
@@ -73,8 +81,8 @@ struct LightAdded {
   DVec3 beta{0}, added{0};
 };
 
-using PathEvent =
-    std::variant<PathStarts, SegmentStarts, SegmentEnds, MediumScatters, SurfaceScatters, DirectionTaken, RouletteSurvived, LightAdded>;
+using PathEvent = std::variant<PathStarts, SegmentStarts, SegmentEnds, MediumScatters, SurfaceScatters, DirectionTaken, RouletteSurvived,
+                               PathSplits, BranchStarts, LightAdded>;
 using PathRecord = std::vector<PathEvent>;
 
 }  // namespace woodcock

@@ -77,22 +77,19 @@ PathCheck::PathCheck(const SceneFormulas& scene, const PathSettings& settings, u
 void PathCheck::check(const PathRecord& record, const std::string& name, CheckReport& report) {
   name_ = name;
   report_ = &report;
-  so_far_ = {};
-  vertex_ = {};
-  refraction_.reset();
-  share_ = DVec3(1.0 / 3);
-  by_delta_lobe_ = roulette_due_ = false;
-  eta_scale_ = 1;
-  scatterings_ = 0;
+  static_cast<PathState&>(*this) = {};
+  branches_ = 0;
   for (const PathEvent& event : record) {
     added_ = std::get_if<LightAdded>(&event);
     try {
-      if (!std::holds_alternative<RouletteSurvived>(event)) settle_roulette();
+      // The branch before may have ended there.
+      if (!std::holds_alternative<RouletteSurvived>(event) && !std::holds_alternative<BranchStarts>(event)) settle_roulette();
       std::visit([&](const auto& e) { see(e); }, event);
     } catch (const TooNear&) {
       ++report.too_near;
     }
   }
+  if (directions_ != 1 && branches_ != directions_) fail(fmt::format("{} branches of a path that splits in {}", branches_, directions_));
 }
 
 void PathCheck::fail(const std::string& what) {
@@ -244,7 +241,7 @@ void PathCheck::see(const DirectionTaken& e) {
   compare("the throughput after a scattering", e.beta, so_far_.beta(), so_far_.slack);
   // The difference is judged once; what follows is judged from here.
   if (largest(before.beta()) > 0) recorded_beta_ = e.beta;
-  survival_ = 4 * largest(so_far_.beta()) * eta_scale_;  // a path that carries a quarter goes on
+  survival_ = 4 * largest(so_far_.beta()) * directions_ * eta_scale_;  // a path that carries a quarter goes on
   roulette_due_ = scatterings_ >= 2 && has(Feature::kRoulette) && survival_ < 1;
 }
 
@@ -260,6 +257,24 @@ void PathCheck::see(const RouletteSurvived& e) {
 void PathCheck::settle_roulette() {
   if (roulette_due_ && survival_ < 1 - so_far_.slack) fail(fmt::format("no roulette where the path survives with {:.6g}", survival_));
   roulette_due_ = false;
+}
+
+void PathCheck::see(const PathSplits& e) {
+  if (directions_ != 1) fail("a path splits again");
+  const uint32_t expected = has(Feature::kSplitting) ? settings_.splits : 1;
+  if (e.directions != expected) fail(fmt::format("a path splits in {}, expected {}", e.directions, expected));
+  if (vertex_.kind == LastVertex::Kind::kSurface && is_delta(scene_.material(vertex_.material)))
+    fail("a path splits where no light is sampled");
+  directions_ = e.directions;
+  so_far_.p *= e.directions;
+  where_it_split_ = *this;
+}
+
+void PathCheck::see(const BranchStarts& e) {
+  static_cast<PathState&>(*this) = where_it_split_;
+  ++branches_;
+  compare("the throughput of a branch", e.beta, so_far_.beta(), so_far_.slack);
+  recorded_beta_ = e.beta;
 }
 
 // --- what it adds ----------------------------------------------------------------------------------------

@@ -32,20 +32,40 @@ struct CheckReport {
   void add(const CheckReport& other);
 };
 
-class PathCheck {
+/// What is known of a path up to its last event.
+struct PathState {
+  struct Throughput {
+    DVec3 f{1};    ///< of the path so far
+    double p = 1;  ///< its density, roulette and splits included
+    double slack = 2e-5;
+    DVec3 beta() const { return f / p; }
+  };
+  /// A scattering that sampled lights and its direction, which glass refracted at the last vertex.
+  struct Refraction {
+    LastVertex vertex;
+    DVec3 wi;
+  };
+
+  Throughput so_far_;
+  LastVertex vertex_;
+  SegmentStarts segment_{};
+  DVec3 share_{1.0 / 3};
+  DVec3 wi_{0};
+  std::optional<Refraction> refraction_;
+  bool by_delta_lobe_ = false, roulette_due_ = false;
+  double survival_ = 1, eta_scale_ = 1;
+  uint32_t directions_ = 1;  ///< that the path has split into
+  int scatterings_ = 0;
+  DVec3 recorded_beta_{1};
+};
+
+class PathCheck : private PathState {
  public:
   PathCheck(const SceneFormulas& scene, const PathSettings& settings, uint32_t effects);
   /// Adds what is found to `report`; `name` says which path it was.
   void check(const PathRecord& record, const std::string& name, CheckReport& report);
 
  private:
-  struct Throughput {
-    DVec3 f{1};    ///< of the path so far
-    double p = 1;  ///< its density, roulette included
-    double slack = 2e-5;
-    DVec3 beta() const { return f / p; }
-  };
-
   void see(const PathStarts& e);
   void see(const SegmentStarts& e);
   void see(const SegmentEnds& e);
@@ -53,6 +73,8 @@ class PathCheck {
   void see(const SurfaceScatters& e);
   void see(const DirectionTaken& e);
   void see(const RouletteSurvived& e);
+  void see(const PathSplits& e);
+  void see(const BranchStarts& e);
   void see(const LightAdded& e);
   /// `origin` is the vertex that the techniques to be weighted start from, and `way` what leads from there to the end: `vertex` and `end`
   /// themselves, but for light met after glass refracted a direction.
@@ -83,21 +105,8 @@ class PathCheck {
   std::string name_;
   CheckReport* report_ = nullptr;
   const LightAdded* added_ = nullptr;  ///< that is looked at
-  Throughput so_far_;
-  LastVertex vertex_;
-  SegmentStarts segment_{};
-  DVec3 share_{1.0 / 3};
-  DVec3 wi_{0};
-  /// A scattering that sampled lights and its direction, which glass refracted at the last vertex.
-  struct Refraction {
-    LastVertex vertex;
-    DVec3 wi;
-  };
-  std::optional<Refraction> refraction_;
-  bool by_delta_lobe_ = false, roulette_due_ = false;
-  double survival_ = 1, eta_scale_ = 1;
-  int scatterings_ = 0;
-  DVec3 recorded_beta_{1};
+  PathState where_it_split_;
+  uint32_t branches_ = 0;  ///< of the split, that have begun
 };
 
 }  // namespace woodcock::testing

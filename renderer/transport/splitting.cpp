@@ -1,0 +1,90 @@
+#include "renderer/transport/splitting.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "renderer/transport/render_plan.h"
+
+namespace woodcock {
+namespace {
+
+constexpr uint64_t kPilotSeed = 0x70696c6f74ULL;
+constexpr uint32_t kPixels = 256, kFewestPixels = 32;
+constexpr int kSamples = 4;
+/// Later scatterings of a path have little to say in this, and may be a million.
+constexpr int kMostDepth = 100;
+/// In units of a ray.
+constexpr double kMostWork = 1e5;
+/// Gains below this may be noise of the pilot.
+constexpr double kLeastGain = 0.9;
+
+/// What was done, about as long as it takes; a ray is one.
+double work(const PathCounters& count) {
+  return static_cast<double>(count.rays) + 0.7 * static_cast<double>(count.shadow_rays) + 0.5 * static_cast<double>(count.vertices) +
+         0.1 * static_cast<double>(count.medium_lookups + count.emission_lookups) + static_cast<double>(count.paths);
+}
+
+/// Mean and variance of the samples of one pixel, luminance.
+struct Pixel {
+  double mean = 0, variance = 0;
+};
+
+Pixel render_pixel(const World& world, const RenderPlan& plan, int x, int y, PathCounters& count) {
+  std::array<double, kSamples> values{};
+  Pixel pixel;
+  for (int i = 0; i < kSamples; ++i) {
+    const PathKey key = path_key(kPilotSeed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i));
+    const CameraSample camera = camera_sample(world, key, x, y);
+    const double value = static_cast<double>(luminance(trace_path(world, plan, camera.ray, key, count).radiance));
+    values[static_cast<size_t>(i)] = std::isfinite(value) ? value : 0;
+    pixel.mean += values[static_cast<size_t>(i)] / kSamples;
+  }
+  for (const double v : values) pixel.variance += (v - pixel.mean) * (v - pixel.mean) / (kSamples - 1);
+  return pixel;
+}
+
+}  // namespace
+
+uint32_t find_splits(const World& world, const PathSettings& settings, int width, int height) {
+  if (!settings.features.has(Feature::kSplitting) || settings.max_depth < 2) return 1;
+  PathSettings one = settings, many = settings;
+  one.watch = many.watch = nullptr;
+  one.max_depth = many.max_depth = std::min(settings.max_depth, kMostDepth);
+  one.splits = 1;
+  many.splits = kMostSplits;
+  const RenderPlan plan_of_one(world, one), plan_of_many(world, many);
+  PathCounters count_of_one, count_of_many;
+  std::vector<Pixel> of_one, of_many;
+  double mean = 0;
+  for (uint32_t i = 0; i < kPixels && work(count_of_one) + work(count_of_many) < kMostWork; ++i) {
+    const Vec2 place = sobol_point(i, kPilotSeed);
+    const int x = std::min(width - 1, static_cast<int>(static_cast<double>(place.x) * width));
+    const int y = std::min(height - 1, static_cast<int>(static_cast<double>(place.y) * height));
+    of_one.push_back(render_pixel(world, plan_of_one, x, y, count_of_one));
+    of_many.push_back(render_pixel(world, plan_of_many, x, y, count_of_many));
+    mean += of_one.back().mean + of_many.back().mean;
+  }
+  if (of_one.size() < kFewestPixels || !(mean > 0)) return 1;
+  mean /= 2 * static_cast<double>(of_one.size());
+  double variance_of_one = 0, variance_of_many = 0;
+  for (size_t i = 0; i < of_one.size(); ++i) {
+    // Relative to the pixel, but that dark ones do not count for all the others.
+    const double level = (of_one[i].mean + of_many[i].mean) / 2, scale = level * level + 0.1 * mean * mean;
+    variance_of_one += of_one[i].variance / scale;
+    variance_of_many += of_many[i].variance / scale;
+  }
+  // Var D + Var B and Var D + Var B/k, C + c and C + k·c.
+  constexpr double k = kMostSplits;
+  const double of_directions = (variance_of_one - variance_of_many) / (1 - 1 / k), before = std::max(0.0, variance_of_one - of_directions);
+  const double cost_of_direction = (work(count_of_many) - work(count_of_one)) / (k - 1),
+               cost_before = work(count_of_one) - cost_of_direction;
+  const auto product = [&](double n) { return (before + of_directions / n) * (cost_before + n * cost_of_direction); };
+  uint32_t best = 1;
+  for (uint32_t n = 2; n <= kMostSplits; ++n)
+    if (product(n) < (best == 1 ? kLeastGain * product(1) : product(best))) best = n;
+  return best;
+}
+
+}  // namespace woodcock
