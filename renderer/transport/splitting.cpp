@@ -11,14 +11,17 @@ namespace woodcock {
 namespace {
 
 constexpr uint64_t kPilotSeed = 0x70696c6f74ULL;
-constexpr uint32_t kPixels = 256, kFewestPixels = 32;
-constexpr int kSamples = 4;
+constexpr uint32_t kPixels = 96, kFewestPixels = 16;
+/// Of each pixel: four of each replicate, since evenly spread numbers take noise from what is found first.
+constexpr int kSamples = 4 * kReplicates;
 /// Later scatterings of a path have little to say in this, and may be a million.
 constexpr int kMostDepth = 100;
 /// In units of a ray.
 constexpr double kMostWork = 1e5;
 /// Gains below this may be noise of the pilot.
-constexpr double kLeastGain = 0.9;
+constexpr double kLeastGain = 0.93;
+/// Of the variance, what is found before the split has at least this share: the pilot cannot tell less from nothing.
+constexpr double kLeastBefore = 0.1;
 
 /// What was done, about as long as it takes; a ray is one.
 double work(const PathCounters& count) {
@@ -26,22 +29,23 @@ double work(const PathCounters& count) {
          0.1 * static_cast<double>(count.medium_lookups + count.emission_lookups) + static_cast<double>(count.paths);
 }
 
-/// Mean and variance of the samples of one pixel, luminance.
+/// Mean of one pixel, and the variance of its replicates' means, luminance.
 struct Pixel {
   double mean = 0, variance = 0;
 };
 
-Pixel render_pixel(const World& world, const RenderPlan& plan, int x, int y, PathCounters& count) {
-  std::array<double, kSamples> values{};
+Pixel render_pixel(const World& world, const RenderPlan& plan, int x, int y, bool low_discrepancy, PathCounters& count) {
+  std::array<double, kReplicates> means{};
   Pixel pixel;
   for (int i = 0; i < kSamples; ++i) {
-    const PathKey key = path_key(kPilotSeed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i));
+    const PathKey key =
+        path_key(kPilotSeed, static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint64_t>(i), 0, low_discrepancy);
     const CameraSample camera = camera_sample(world, key, x, y);
     const double value = static_cast<double>(luminance(trace_path(world, plan, camera.ray, key, count).radiance));
-    values[static_cast<size_t>(i)] = std::isfinite(value) ? value : 0;
-    pixel.mean += values[static_cast<size_t>(i)] / kSamples;
+    if (std::isfinite(value)) means[static_cast<size_t>(i % kReplicates)] += value * kReplicates / kSamples;
   }
-  for (const double v : values) pixel.variance += (v - pixel.mean) * (v - pixel.mean) / (kSamples - 1);
+  for (const double m : means) pixel.mean += m / kReplicates;
+  for (const double m : means) pixel.variance += (m - pixel.mean) * (m - pixel.mean) / (kReplicates - 1);
   return pixel;
 }
 
@@ -54,6 +58,7 @@ uint32_t find_splits(const World& world, const PathSettings& settings, int width
   one.max_depth = many.max_depth = std::min(settings.max_depth, kMostDepth);
   one.splits = 1;
   many.splits = kMostSplits;
+  const bool low_discrepancy = settings.features.has(Feature::kSobol);
   const RenderPlan plan_of_one(world, one), plan_of_many(world, many);
   PathCounters count_of_one, count_of_many;
   std::vector<Pixel> of_one, of_many;
@@ -62,8 +67,8 @@ uint32_t find_splits(const World& world, const PathSettings& settings, int width
     const Vec2 place = sobol_point(i, kPilotSeed);
     const int x = std::min(width - 1, static_cast<int>(static_cast<double>(place.x) * width));
     const int y = std::min(height - 1, static_cast<int>(static_cast<double>(place.y) * height));
-    of_one.push_back(render_pixel(world, plan_of_one, x, y, count_of_one));
-    of_many.push_back(render_pixel(world, plan_of_many, x, y, count_of_many));
+    of_one.push_back(render_pixel(world, plan_of_one, x, y, low_discrepancy, count_of_one));
+    of_many.push_back(render_pixel(world, plan_of_many, x, y, low_discrepancy, count_of_many));
     mean += of_one.back().mean + of_many.back().mean;
   }
   if (of_one.size() < kFewestPixels || !(mean > 0)) return 1;
@@ -77,7 +82,8 @@ uint32_t find_splits(const World& world, const PathSettings& settings, int width
   }
   // Var D + Var B and Var D + Var B/k, C + c and C + k·c.
   constexpr double k = kMostSplits;
-  const double of_directions = (variance_of_one - variance_of_many) / (1 - 1 / k), before = std::max(0.0, variance_of_one - of_directions);
+  const double before = std::max(kLeastBefore * variance_of_one, variance_of_one - (variance_of_one - variance_of_many) / (1 - 1 / k));
+  const double of_directions = variance_of_one - before;
   const double cost_of_direction = (work(count_of_many) - work(count_of_one)) / (k - 1),
                cost_before = work(count_of_one) - cost_of_direction;
   const auto product = [&](double n) { return (before + of_directions / n) * (cost_before + n * cost_of_direction); };
