@@ -25,6 +25,7 @@ enum class Feature : uint32_t {
   kLayeredClosedForms,
   kLightTree,
   kDielectricBoundaries,
+  kRectangleSampling,
 };
 
 struct FeatureInfo {
@@ -34,7 +35,7 @@ struct FeatureInfo {
 };
 
 /// All features, in the order in which they are written to headers.
-inline constexpr std::array<FeatureInfo, 14> kFeatures{{
+inline constexpr std::array<FeatureInfo, 15> kFeatures{{
     {Feature::kEquiangular, "equiangular", "distances to bounded lights in thin media in proportion to the light that arrives"},
     {Feature::kEmissionSampling, "emission-sampling", "bricks of media that emit are sampled as lights"},
     {Feature::kLightSampling, "light-sampling", "a light is sampled at every scattering"},
@@ -50,6 +51,7 @@ inline constexpr std::array<FeatureInfo, 14> kFeatures{{
      "coated surfaces are evaluated without walks where the sum over all walks is known"},
     {Feature::kLightTree, "light-tree", "a light is chosen by an estimate of what arrives at the point, not by its power"},
     {Feature::kDielectricBoundaries, "dielectric-boundaries", "lights are sampled through the surface of spheres of smooth glass"},
+    {Feature::kRectangleSampling, "rectangle-sampling", "rectangular lights are sampled as a whole, near ones by solid angle"},
 }};
 
 /// A set of features; all of them unless taken out.

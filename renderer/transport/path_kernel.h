@@ -379,6 +379,7 @@ class PathKernel {
   }
 
   ChooseBy choose_by() const { return settings_.features.has(Feature::kLightTree) ? ChooseBy::kArrival : ChooseBy::kPower; }
+  Pieces pieces() const { return settings_.features.has(Feature::kRectangleSampling) ? Pieces::kRectangles : Pieces::kTriangles; }
 
   /// Next-event estimation: one light, chosen by what arrives at the reference point.
   template <typename Evaluate>
