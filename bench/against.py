@@ -17,6 +17,7 @@ import math
 import os
 import random
 import statistics
+import struct
 import subprocess
 import sys
 import tempfile
@@ -104,18 +105,32 @@ def render(program, scene, out, spp, seed, options):
 
 
 def read_picture(path, folder):
-    """Red, green and blue of all pixels in one array of floats."""
-    pfm = Path(folder) / 'picture.pfm'
-    done = subprocess.run(['oiiotool', str(path), '--ch', 'R,G,B', '-d', 'float', '-o', str(pfm)], capture_output=True, text=True, check=False)
+    """Red, green and blue of all pixels in one array of floats, row by row, each row blue first: the order of an EXR's channels."""
+    plain = Path(folder) / 'plain.exr'
+    done = subprocess.run(['oiiotool', str(path), '--ch', 'R,G,B', '-d', 'float', '--scanline', '--compression', 'none', '-o', str(plain)],
+                          capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise SystemExit(f'against.py: oiiotool cannot read {path} (Debian: apt install openimageio-tools)\n{done.stderr}{done.stdout}')
-    with open(pfm, 'rb') as file:
-        if file.readline().strip() != b'PF':
-            raise SystemExit(f'against.py: {pfm}: found no colour picture')
-        file.readline()
-        little_endian = float(file.readline()) < 0
-        values = array.array('f', file.read())
-    if little_endian != (sys.byteorder == 'little'):
+    data = plain.read_bytes()
+    at = 8  # after the magic number and the version
+    window = None
+    while data[at] != 0:
+        name, kind, rest = data[at:at + 512].split(b'\0', 2)
+        at += len(name) + len(kind) + 2
+        size = struct.unpack_from('<i', data, at)[0]
+        if name == b'dataWindow':
+            window = struct.unpack_from('<4i', data, at + 4)
+        at += 4 + size
+    width, height = window[2] - window[0] + 1, window[3] - window[1] + 1
+    at += 1
+    values = array.array('f')
+    # One row a chunk: its y, its size, then all of each channel.
+    for offset in struct.unpack_from(f'<{height}Q', data, at):
+        size = struct.unpack_from('<i', data, offset + 4)[0]
+        if size != 3 * 4 * width:
+            raise SystemExit(f'against.py: {plain}: a row of {size} bytes, expected three channels of {width} floats')
+        values.frombytes(data[offset + 8:offset + 8 + size])
+    if sys.byteorder != 'little':
         values.byteswap()
     return values
 
@@ -186,6 +201,11 @@ def main():
     options = parser.parse_intermixed_args()
     if options.spp < 1 or options.rounds < 1 or options.reference < 2:
         parser.error('expected --spp and --rounds of 1 or more, --reference of 2 or more')
+    # Names without a folder are files, not commands.
+    options.old, options.program = (str(Path(p).resolve()) for p in (options.old, options.program))
+    for program in (options.old, options.program):
+        if not os.access(program, os.X_OK):
+            parser.error(f'found no program {program}, expected the path of a woodcock to run')
     scenes = options.scenes or [*sorted(str(p) for p in (ROOT / 'scenes').glob('*.pbrt')), *GENERATED]
     print('| scene | samples | error before | error now | s before | s now | efficiency, now over before | of single rounds | mean before |\n'
           '|---|---|---|---|---|---|---|---|---|')
