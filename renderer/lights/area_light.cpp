@@ -57,9 +57,10 @@ Rgb AreaLight::radiance(uint32_t primitive, Vec2 uv) const {
   return radiance;
 }
 
-std::optional<LightSample> AreaLight::sample(DVec3 ref, Vec2 u, double u_primitive) const {
+std::optional<LightSample> AreaLight::sample(DVec3 ref, Vec2 u, double u_primitive, Pieces pieces) const {
   if (opacity_kind_ == Opacity::kTextured) return std::nullopt;
-  const std::optional<EmitterSample> point = std::visit([&](const auto& e) { return e.sample(ref, DVec2(u), u_primitive); }, emitter_);
+  const std::optional<EmitterSample> point =
+      std::visit([&](const auto& e) { return e.sample(ref, DVec2(u), u_primitive, pieces); }, emitter_);
   if (!point || (!two_sided_ && !(glm::dot(point->ng, point->wi) < 0))) return std::nullopt;
   LightSample sample;
   sample.radiance = radiance(point->primitive, point->uv);
@@ -80,9 +81,9 @@ Rgb AreaLight::emitted(const EmitterHit& hit, Vec3 wo) const {
   return radiance(hit.primitive, hit.uv);
 }
 
-float AreaLight::pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const {
+float AreaLight::pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi, Pieces pieces) const {
   if (opacity_kind_ != Opacity::kConstant) return 0;
-  return static_cast<float>(std::visit([&](const auto& e) { return e.pdf(ref, hit, wi); }, emitter_));
+  return static_cast<float>(std::visit([&](const auto& e) { return e.pdf(ref, hit, wi, pieces); }, emitter_));
 }
 
 LightBounds AreaLight::bounds(Box3 box) const {

@@ -19,9 +19,9 @@ class AreaLight {
  public:
   AreaLight(const ShapeDescription& description, int shape_index, const Shape& shape, double scale);
 
-  std::optional<LightSample> sample(DVec3 ref, Vec2 u, double u_primitive) const;
+  std::optional<LightSample> sample(DVec3 ref, Vec2 u, double u_primitive, Pieces pieces) const;
   Rgb emitted(const EmitterHit& hit, Vec3 wo) const;
-  float pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const;
+  float pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi, Pieces pieces) const;
   int shape() const { return shape_; }
   /// Render-space units; for the choice of lights black where nothing is ever sampled.
   Rgb power() const;

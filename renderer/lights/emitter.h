@@ -13,6 +13,7 @@
 #include "renderer/lights/light.h"
 #include "renderer/lights/light_bounds.h"
 #include "renderer/lights/patch_geometry.h"
+#include "renderer/lights/rectangle_sampling.h"
 
 namespace woodcock {
 
@@ -30,20 +31,38 @@ struct EmitterSample {
 
 /// Triangles and bilinear patches. A primitive is chosen by its weight, then a point on it: triangles and flat
 /// patches by area where they look small and by solid angle where they look large, other patches uniformly in (u,v).
-/// Primitives without area are never chosen.
+/// Primitives without area are never chosen. A rectangle, given as a patch or as two triangles in a row, is one piece: it is chosen as a
+/// whole and sampled by area or by solid angle.
 class MeshEmitter {
  public:
   /// `equal_weights`: choose primitives alike instead of by area.
   MeshEmitter(const Shape& shape, bool equal_weights);
 
-  std::optional<EmitterSample> sample(DVec3 ref, DVec2 u, double u_primitive) const;
-  double pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const;
+  std::optional<EmitterSample> sample(DVec3 ref, DVec2 u, double u_primitive, Pieces pieces) const;
+  double pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi, Pieces pieces) const;
   size_t primitives() const { return areas_.size(); }
   double area(size_t primitive) const { return areas_[primitive]; }
   /// Holds all geometric normals.
   DirectionCone normals() const;
 
  private:
+  /// What is chosen at once: a primitive, or the two triangles of a rectangle. For s + t < 1 the first one's corners from `turn[0]` on have
+  /// the weights (1 − s − t, s, t); beyond the diagonal the second one's from `turn[1]` on have (s + t − 1, 1 − s, 1 − t).
+  struct Piece {
+    std::array<uint32_t, 2> primitive;  // equal where there is one
+    std::array<uint8_t, 2> turn;
+    int rectangle = -1;  // index in `rectangles_`
+  };
+  struct Point;  // of a primitive
+
+  /// `weights` per primitive, 0 for those never chosen.
+  void find_pieces(const std::vector<double>& weights);
+  /// The rectangle that starts with the piece's primitive; fills in the piece.
+  std::optional<Rectangle> rectangle_from(Piece& piece) const;
+  /// Fills in the point; false where there is none.
+  bool sample_piece(const Piece& piece, DVec3 ref, DVec2 u, double u_half, Point& point) const;
+  bool sample_primitive(size_t i, DVec3 ref, DVec2 u, double u_half, Point& point) const;
+  double primitive_pdf(size_t i, DVec3 ref, const EmitterHit& hit) const;
   std::array<DVec3, 3> triangle(size_t i) const;
   PatchCorners patch(size_t i) const;
   /// `normal` (of any length) as a unit vector on the side that the file means; `shading` is 0 without vertex normals.
@@ -60,7 +79,12 @@ class MeshEmitter {
   std::vector<double> areas_;
   std::vector<char> flat_;          // per patch: two triangles stand for it
   std::vector<double> first_half_;  // per flat patch: the first one's share of its area, else 0
-  DiscreteDistribution choice_;
+  DiscreteDistribution choice_;     // of a primitive
+  // Empty where there is no rectangle.
+  std::vector<Piece> pieces_;
+  std::vector<Rectangle> rectangles_;
+  std::vector<uint32_t> piece_of_;     // per primitive
+  DiscreteDistribution piece_choice_;  // of a piece
 };
 
 /// Spheres, disks and cylinders. A full sphere, however its transform stretches it, is sampled in its own space:
@@ -69,8 +93,8 @@ class QuadricEmitter {
  public:
   explicit QuadricEmitter(const Shape& shape);
 
-  std::optional<EmitterSample> sample(DVec3 ref, DVec2 u, double u_primitive) const;
-  double pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const;
+  std::optional<EmitterSample> sample(DVec3 ref, DVec2 u, double u_primitive, Pieces) const;
+  double pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi, Pieces) const;
   size_t primitives() const { return 1; }
   double area(size_t) const { return area_; }
   /// Holds all geometric normals; exact for a disk only.

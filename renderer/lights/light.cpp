@@ -155,9 +155,12 @@ float Lights::bounded_pmf(int light) const { return static_cast<float>(table_->b
 
 DVec3 Lights::position(int light) const { return table_->position[static_cast<size_t>(light)].value_or(DVec3(0)); }
 
-std::optional<LightSample> Lights::sample(int light, DVec3 ref, Vec2 u, double u_primitive, ChooseBy by) const {
+std::optional<LightSample> Lights::sample(int light, DVec3 ref, Vec2 u, double u_primitive, ChooseBy by, Pieces pieces) const {
   const Light& model = table_->lights[static_cast<size_t>(light)];
-  auto sample = std::visit([&](const auto& l) { return l.sample(ref, u, u_primitive); }, model);
+  if (const auto* area = std::get_if<AreaLight>(&model)) return area->sample(ref, u, u_primitive, pieces);
+  auto sample = std::visit(Overloaded{[&](const auto& l) { return l.sample(ref, u, u_primitive); },
+                                      [](const AreaLight&) { return std::optional<LightSample>(); }},
+                           model);
   if (sample && table_->infinite.size() > 1 && std::holds_alternative<InfiniteLight>(model)) {
     sample->radiance = environment(sample->wi);
     sample->pdf = environment_pdf(sample->wi, ref, by) / pmf(light, ref, by);
@@ -173,8 +176,8 @@ Rgb Lights::emitted(int light, const EmitterHit& hit, Vec3 wo) const {
   return std::get<AreaLight>(table_->lights[static_cast<size_t>(light)]).emitted(hit, wo);
 }
 
-float Lights::pdf(int light, DVec3 ref, const EmitterHit& hit, DVec3 wi) const {
-  return std::get<AreaLight>(table_->lights[static_cast<size_t>(light)]).pdf(ref, hit, wi);
+float Lights::pdf(int light, DVec3 ref, const EmitterHit& hit, DVec3 wi, Pieces pieces) const {
+  return std::get<AreaLight>(table_->lights[static_cast<size_t>(light)]).pdf(ref, hit, wi, pieces);
 }
 
 Rgb Lights::environment(Vec3 direction) const {

@@ -44,6 +44,12 @@ enum class ChooseBy {
   kPower     ///< emitted power, whatever the point; for comparison
 };
 
+/// What of a mesh is sampled at once.
+enum class Pieces {
+  kRectangles,  ///< rectangles as a whole, whether two triangles or a patch; else single primitives
+  kTriangles    ///< single triangles, of flat patches the two halves; for comparison
+};
+
 struct LightTable;
 
 /// All lights of a scene. Immutable and thread-safe; copies share their data.
@@ -76,7 +82,8 @@ class Lights {
   /// `u_primitive` chooses the primitive of a mesh; `u` the point on it. A ray that leaves the scene meets all infinite lights at
   /// once, so they are one technique: whichever of them was chosen, the sample has the radiance of all, and pmf(light) × pdf is
   /// `environment_pdf`. Constant skies are never chosen.
-  std::optional<LightSample> sample(int light, DVec3 ref, Vec2 u, double u_primitive, ChooseBy by = ChooseBy::kArrival) const;
+  std::optional<LightSample> sample(int light, DVec3 ref, Vec2 u, double u_primitive, ChooseBy by = ChooseBy::kArrival,
+                                    Pieces pieces = Pieces::kRectangles) const;
 
   /// Chooses by power, whatever the point, among the lights that stand somewhere: point, spot and area lights. Nothing where there is none.
   std::optional<Choice> choose_bounded(double u) const;
@@ -90,7 +97,7 @@ class Lights {
   /// Radiance that leaves `hit` in direction `wo` (unit, away from the surface).
   Rgb emitted(int light, const EmitterHit& hit, Vec3 wo) const;
   /// The pdf with which `sample(light, ref, …)` gives the direction `wi` towards `hit`.
-  float pdf(int light, DVec3 ref, const EmitterHit& hit, DVec3 wi) const;
+  float pdf(int light, DVec3 ref, const EmitterHit& hit, DVec3 wi, Pieces pieces = Pieces::kRectangles) const;
 
   /// Radiance of a ray that leaves the scene in this direction: the sum over the infinite lights.
   Rgb environment(Vec3 direction) const;

@@ -19,6 +19,14 @@ std::array<DVec3, 3> half(const PatchCorners& c, int which) {
 
 }  // namespace
 
+struct MeshEmitter::Point {
+  uint32_t primitive = 0;
+  DVec2 at{0};  // of a triangle: barycentric coordinates of its second and third corner; of a patch: (u,v)
+  DVec3 p{0};
+  DVec3 normal{0};  // of any length, on the primitive's own side
+  double pdf = 0;   // per solid angle at the reference point, of the primitive or piece alone
+};
+
 MeshEmitter::MeshEmitter(const Shape& shape, bool equal_weights) : flip_(shape.flip) {
   if (const Mesh* mesh = std::get_if<Mesh>(&shape.geometry)) {
     positions_ = mesh->positions;
@@ -47,6 +55,53 @@ MeshEmitter::MeshEmitter(const Shape& shape, bool equal_weights) : flip_(shape.f
     weights.push_back(equal_weights && area > 0 ? 1.0 : area);
   }
   choice_ = DiscreteDistribution(weights);
+  find_pieces(weights);
+}
+
+void MeshEmitter::find_pieces(const std::vector<double>& weights) {
+  std::vector<double> piece_weights;
+  for (uint32_t i = 0; i < areas_.size(); ++i) {
+    Piece piece{{i, i}, {0, 0}};
+    double weight = weights[i];
+    if (const auto rectangle = weight > 0 ? rectangle_from(piece) : std::nullopt) {
+      piece.rectangle = static_cast<int>(rectangles_.size());
+      rectangles_.push_back(*rectangle);
+      if (piece.primitive[1] != i) {
+        piece_of_.push_back(static_cast<uint32_t>(pieces_.size()));
+        weight += weights[++i];
+      }
+    }
+    piece_of_.push_back(static_cast<uint32_t>(pieces_.size()));
+    pieces_.push_back(piece);
+    piece_weights.push_back(weight);
+  }
+  if (rectangles_.empty()) {
+    pieces_ = {};
+    piece_of_ = {};
+    return;
+  }
+  piece_choice_ = DiscreteDistribution(piece_weights);
+}
+
+std::optional<Rectangle> MeshEmitter::rectangle_from(Piece& piece) const {
+  const size_t i = piece.primitive[0];
+  if (patches_.size() > i) {
+    const PatchCorners c = patch(i);
+    return is_flat(i) ? make_rectangle(c[0], c[1], c[2], c[3]) : std::nullopt;
+  }
+  if (i + 1 >= triangles_.size() || !(areas_[i + 1] > 0)) return std::nullopt;
+  // Equal windings run along the diagonal in opposite directions. Which of the three edges of each is the diagonal is tried.
+  const std::array<DVec3, 3> a = triangle(i), b = triangle(i + 1);
+  for (uint8_t k = 0; k < 3; ++k)
+    for (uint8_t m = 0; m < 3; ++m) {
+      if (a[(k + 1) % 3] != b[(m + 2) % 3] || a[(k + 2) % 3] != b[(m + 1) % 3]) continue;
+      const auto rectangle = make_rectangle(a[k], a[(k + 1) % 3], a[(k + 2) % 3], b[m]);
+      if (!rectangle) continue;
+      piece.primitive[1] = static_cast<uint32_t>(i + 1);
+      piece.turn = {k, m};
+      return rectangle;
+    }
+  return std::nullopt;
 }
 
 std::array<DVec3, 3> MeshEmitter::triangle(size_t i) const {
@@ -98,87 +153,138 @@ DirectionCone MeshEmitter::normals() const {
   return cone.cos_angle > 0 ? cone : DirectionCone{};
 }
 
-std::optional<EmitterSample> MeshEmitter::sample(DVec3 ref, DVec2 u, double u_primitive) const {
-  if (!(choice_.total() > 0)) return std::nullopt;
-  const auto choice = choice_.sample(u_primitive);
-  const size_t i = choice.index;
-  double pdf = choice_.probability(i);
-  EmitterSample sample;
-  sample.primitive = static_cast<uint32_t>(i);
-  DVec3 normal, shading(0);
-  if (!triangles_.empty()) {
+bool MeshEmitter::sample_primitive(size_t i, DVec3 ref, DVec2 u, double u_half, Point& point) const {
+  point.primitive = static_cast<uint32_t>(i);
+  if (patches_.empty()) {
     const std::array<DVec3, 3> corner = triangle(i);
-    const auto point = sample_triangle(corner, ref, u);
-    if (!point) return std::nullopt;
-    const DVec2 b = point->barycentric;
-    sample.p = interpolate(corner, b);
-    normal = glm::cross(corner[1] - corner[0], corner[2] - corner[0]);
-    const auto& v = triangles_[i];
-    const float b0 = static_cast<float>(1 - b.x - b.y), b1 = static_cast<float>(b.x), b2 = static_cast<float>(b.y);
-    if (!normals_.empty()) shading = DVec3(b0 * normals_[v[0]] + b1 * normals_[v[1]] + b2 * normals_[v[2]]);
-    sample.uv = uv_.empty() ? Vec2(b1 + b2, b2) : b0 * uv_[v[0]] + b1 * uv_[v[1]] + b2 * uv_[v[2]];
-    pdf *= point->pdf;
-  } else {
-    const PatchCorners corner = patch(i);
-    DVec2 uv = u;
-    if (is_flat(i)) {
-      const double first = first_half_[i];
-      const int which = choice.remainder < first ? 0 : 1;
-      const std::array<DVec3, 3> c = half(corner, which);
-      const auto point = sample_triangle(c, ref, u);
-      if (!point) return std::nullopt;
-      sample.p = interpolate(c, point->barycentric);
-      const DVec2 b = point->barycentric;
-      if (is_parallelogram(corner)) {
-        uv = which == 0 ? DVec2(b.x + b.y, b.y) : DVec2(b.x, b.x + b.y);
-      } else {
-        // Flat but for the rounding of its corners: the point is put back on the surface.
-        uv = invert_patch(corner, sample.p);
-        sample.p = patch_point(corner, uv);
-      }
-      pdf *= (which == 0 ? first : 1 - first) * point->pdf;
-    } else {
-      sample.p = patch_point(corner, u);
-      pdf *= patch_uv_pdf(corner, u, ref, sample.p);
-    }
-    normal = patch_normal(corner, uv);
-    const auto& v = patches_[i];
-    const Vec2 t(uv);
-    const auto blend = [&](const auto& values) {
-      return (1 - t.y) * ((1 - t.x) * values[v[0]] + t.x * values[v[1]]) + t.y * ((1 - t.x) * values[v[2]] + t.x * values[v[3]]);
-    };
-    if (!normals_.empty()) shading = DVec3(blend(normals_));
-    sample.uv = uv_.empty() ? t : blend(uv_);
+    const auto found = sample_triangle(corner, ref, u);
+    if (!found) return false;
+    point.at = found->barycentric;
+    point.p = interpolate(corner, point.at);
+    point.normal = glm::cross(corner[1] - corner[0], corner[2] - corner[0]);
+    point.pdf = found->pdf;
+    return true;
   }
+  const PatchCorners corner = patch(i);
+  if (!is_flat(i)) {
+    point.at = u;
+    point.p = patch_point(corner, u);
+    point.normal = patch_normal(corner, u);
+    point.pdf = patch_uv_pdf(corner, u, ref, point.p);
+    return true;
+  }
+  const double first = first_half_[i];
+  const int which = u_half < first ? 0 : 1;
+  const std::array<DVec3, 3> c = half(corner, which);
+  const auto found = sample_triangle(c, ref, u);
+  if (!found) return false;
+  point.p = interpolate(c, found->barycentric);
+  const DVec2 b = found->barycentric;
+  if (is_parallelogram(corner)) {
+    point.at = which == 0 ? DVec2(b.x + b.y, b.y) : DVec2(b.x, b.x + b.y);
+  } else {
+    // Flat but for the rounding of its corners: the point is put back on the surface.
+    point.at = invert_patch(corner, point.p);
+    point.p = patch_point(corner, point.at);
+  }
+  point.normal = patch_normal(corner, point.at);
+  point.pdf = (which == 0 ? first : 1 - first) * found->pdf;
+  return true;
+}
+
+bool MeshEmitter::sample_piece(const Piece& piece, DVec3 ref, DVec2 u, double u_half, Point& point) const {
+  if (piece.rectangle < 0) return sample_primitive(piece.primitive[0], ref, u, u_half, point);
+  const Rectangle& rectangle = rectangles_[static_cast<size_t>(piece.rectangle)];
+  const bool two = piece.primitive[0] != piece.primitive[1];
+  if (!stands_for_surface(rectangle, ref)) {
+    if (!two) return sample_primitive(piece.primitive[0], ref, u, u_half, point);
+    const bool found = sample_primitive(piece.primitive[u_half < 0.5 ? 0 : 1], ref, u, 0, point);
+    point.pdf /= 2;
+    return found;
+  }
+  const auto found = sample_rectangle(rectangle, ref, u);
+  if (!found) return false;
+  point = {piece.primitive[0], found->uv, DVec3(0), rectangle.n, found->pdf};
+  if (!two) {
+    point.p = patch_point(patch(point.primitive), point.at);
+    return true;
+  }
+  const int which = point.at.x + point.at.y < 1 ? 0 : 1;
+  const DVec2 along = which == 0 ? point.at : DVec2(1) - point.at;
+  std::array<double, 3> weight{};
+  const size_t turn = piece.turn[static_cast<size_t>(which)];
+  weight[turn] = 1 - along.x - along.y;
+  weight[(turn + 1) % 3] = along.x;
+  weight[(turn + 2) % 3] = along.y;
+  point.primitive = piece.primitive[static_cast<size_t>(which)];
+  point.at = {weight[1], weight[2]};
+  point.p = interpolate(triangle(point.primitive), point.at);
+  return true;
+}
+
+std::optional<EmitterSample> MeshEmitter::sample(DVec3 ref, DVec2 u, double u_primitive, Pieces pieces) const {
+  if (!(choice_.total() > 0)) return std::nullopt;
+  const bool whole = pieces == Pieces::kRectangles && !pieces_.empty();
+  const auto choice = (whole ? piece_choice_ : choice_).sample(u_primitive);
+  Point point;
+  const bool found = whole ? sample_piece(pieces_[choice.index], ref, u, choice.remainder, point)
+                           : sample_primitive(choice.index, ref, u, choice.remainder, point);
+  if (!found) return std::nullopt;
+  EmitterSample sample;
+  sample.pdf = (whole ? piece_choice_ : choice_).probability(choice.index) * point.pdf;
+  sample.p = point.p;
+  sample.primitive = point.primitive;
   const DVec3 to_light = sample.p - ref;
   sample.distance = glm::length(to_light);
-  if (!(pdf > 0) || !std::isfinite(pdf) || !(sample.distance > 0) || !(glm::dot(normal, normal) > 0)) return std::nullopt;
+  if (!(sample.pdf > 0) || !std::isfinite(sample.pdf) || !(sample.distance > 0) || !(glm::dot(point.normal, point.normal) > 0))
+    return std::nullopt;
   sample.wi = to_light / sample.distance;
-  sample.along = glm::dot(normal, sample.wi) > 0;
-  sample.ng = orient(normal, shading);
-  sample.pdf = pdf;
+  sample.along = glm::dot(point.normal, sample.wi) > 0;
+  DVec3 shading(0);
+  const Vec2 t(point.at);
+  const auto blend = [&](const auto& values) {
+    if (patches_.empty()) {
+      const auto& v = triangles_[point.primitive];
+      return static_cast<float>(1 - point.at.x - point.at.y) * values[v[0]] + t.x * values[v[1]] + t.y * values[v[2]];
+    }
+    const auto& v = patches_[point.primitive];
+    return (1 - t.y) * ((1 - t.x) * values[v[0]] + t.x * values[v[1]]) + t.y * ((1 - t.x) * values[v[2]] + t.x * values[v[3]]);
+  };
+  if (!normals_.empty()) shading = DVec3(blend(normals_));
+  sample.uv = !uv_.empty() ? blend(uv_) : patches_.empty() ? Vec2(t.x + t.y, t.y) : t;
+  sample.ng = orient(point.normal, shading);
   return sample;
 }
 
-double MeshEmitter::pdf(DVec3 ref, const EmitterHit& hit, DVec3 /*wi*/) const {
-  const size_t i = hit.primitive;
-  const double probability = choice_.probability(i);
-  if (!(probability > 0)) return 0;
+double MeshEmitter::primitive_pdf(size_t i, DVec3 ref, const EmitterHit& hit) const {
   const DVec3 p(hit.p);
+  if (patches_.empty()) return triangle_pdf(triangle(i), ref, p);
+  const PatchCorners corner = patch(i);
+  if (!is_flat(i)) return patch_uv_pdf(corner, hit.parameters, ref, p);
+  // Which side of the diagonal the point lies on says which triangle it was sampled from.
+  const DVec3 normal = patch_normal(corner, {0.5, 0.5});
+  const int which = glm::dot(glm::cross(corner[3] - corner[0], p - corner[0]), normal) < 0 ? 0 : 1;
+  const double first = first_half_[i];
+  return (which == 0 ? first : 1 - first) * triangle_pdf(half(corner, which), ref, p);
+}
+
+double MeshEmitter::pdf(DVec3 ref, const EmitterHit& hit, DVec3 /*wi*/, Pieces pieces) const {
+  const size_t i = hit.primitive;
+  double probability = choice_.probability(i);
+  if (!(probability > 0)) return 0;
   double pdf = 0;
-  if (!triangles_.empty()) {
-    pdf = triangle_pdf(triangle(i), ref, p);
-  } else {
-    const PatchCorners corner = patch(i);
-    if (is_flat(i)) {
-      // Which side of the diagonal the point lies on says which triangle it was sampled from.
-      const DVec3 normal = patch_normal(corner, {0.5, 0.5});
-      const int which = glm::dot(glm::cross(corner[3] - corner[0], p - corner[0]), normal) < 0 ? 0 : 1;
-      const double first = first_half_[i];
-      pdf = (which == 0 ? first : 1 - first) * triangle_pdf(half(corner, which), ref, p);
+  if (pieces == Pieces::kRectangles && !pieces_.empty()) {
+    const Piece& piece = pieces_[piece_of_[i]];
+    probability = piece_choice_.probability(piece_of_[i]);
+    if (piece.rectangle < 0) {
+      pdf = primitive_pdf(i, ref, hit);
+    } else if (const Rectangle& rectangle = rectangles_[static_cast<size_t>(piece.rectangle)]; stands_for_surface(rectangle, ref)) {
+      pdf = rectangle_pdf(rectangle, ref, hit.p);
     } else {
-      pdf = patch_uv_pdf(corner, hit.parameters, ref, p);
+      pdf = primitive_pdf(i, ref, hit) / (piece.primitive[0] != piece.primitive[1] ? 2 : 1);
     }
+  } else {
+    pdf = primitive_pdf(i, ref, hit);
   }
   return std::isfinite(pdf) ? probability * pdf : 0;
 }

@@ -112,7 +112,7 @@ DirectionCone QuadricEmitter::normals() const {
   return {glm::normalize(n), 1};
 }
 
-std::optional<EmitterSample> QuadricEmitter::sample(DVec3 ref, DVec2 u, double /*u_primitive*/) const {
+std::optional<EmitterSample> QuadricEmitter::sample(DVec3 ref, DVec2 u, double /*u_primitive*/, Pieces /*pieces*/) const {
   if (!full_sphere_) {
     const DVec3 p_object = point(u);
     EmitterSample sample = finish(p_object, ref);
@@ -156,7 +156,7 @@ double QuadricEmitter::sphere_pdf(double d, DVec3 wi) const {
   return in_object * directions_.solid_angle_ratio(wi);
 }
 
-double QuadricEmitter::pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi) const {
+double QuadricEmitter::pdf(DVec3 ref, const EmitterHit& hit, DVec3 wi, Pieces /*pieces*/) const {
   if (full_sphere_) {
     const double d = glm::length(transform_point(quadric_.object_from_render, ref));
     if (d > quadric_.radius) {

@@ -26,6 +26,7 @@ enum class Feature : uint32_t {
   kLightTree,
   kDielectricBoundaries,
   kSplitting,
+  kRectangleSampling,
 };
 
 struct FeatureInfo {
@@ -35,7 +36,7 @@ struct FeatureInfo {
 };
 
 /// All features, in the order in which they are written to headers.
-inline constexpr std::array<FeatureInfo, 15> kFeatures{{
+inline constexpr std::array<FeatureInfo, 16> kFeatures{{
     {Feature::kEquiangular, "equiangular", "distances to bounded lights in thin media in proportion to the light that arrives"},
     {Feature::kEmissionSampling, "emission-sampling", "bricks of media that emit are sampled as lights"},
     {Feature::kLightSampling, "light-sampling", "a light is sampled at every scattering"},
@@ -52,6 +53,7 @@ inline constexpr std::array<FeatureInfo, 15> kFeatures{{
     {Feature::kLightTree, "light-tree", "a light is chosen by an estimate of what arrives at the point, not by its power"},
     {Feature::kDielectricBoundaries, "dielectric-boundaries", "lights are sampled through the surface of spheres of smooth glass"},
     {Feature::kSplitting, "splitting", "a path goes on in several directions from its first scattering, where that is worth while"},
+    {Feature::kRectangleSampling, "rectangle-sampling", "rectangular lights are sampled as a whole, near ones by solid angle"},
 }};
 
 /// A set of features; all of them unless taken out.

@@ -15,7 +15,7 @@ void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
   if (glass != nullptr && glass->is_empty && !survives_refraction(*glass, reference)) return;
   Stream random = stream(key_, vertex_, Purpose::kLightSample);
   const Vec2 u = random.uniform2();
-  const auto light = world_.lights.sample(choice->light, reference, u, random.uniform_double(), plan_.choose_by);
+  const auto light = world_.lights.sample(choice->light, reference, u, random.uniform_double(), plan_.choose_by, plan_.pieces);
   if (!light || is_black(light->radiance)) return;
   if (glass != nullptr && is_outside(*glass, *light)) return sample_through_glass(*glass, *choice, *light, reference, evaluate);
   Scattered scattered;
@@ -90,7 +90,7 @@ void PathKernel<kMask>::add_emission(const Hit& hit, const SurfacePoint& s, int 
   if (is_black(radiance)) return;
   float mis = 1;
   if (uses(kLightSampling) && direction_pdf_ > 0) {
-    const float light_pdf = world_.lights.pdf(light, reference_, emitter, ray_.d);
+    const float light_pdf = world_.lights.pdf(light, reference_, emitter, ray_.d, plan_.pieces);
     const float sampled = world_.lights.pmf(light, reference_, plan_.choose_by) * light_pdf;
     mis = plan_.mis ? power_heuristic(direction_pdf_, sampled, equiangular_odds(light) * light_pdf) : sampled > 0 ? 0 : 1;
   } else if (uses(kRefractedLight) && refraction_) {
@@ -135,7 +135,7 @@ void PathKernel<kMask>::sample_equiangular(const Medium& medium, double t_max) {
   const float pdf = distances.pdf(t);
   const DVec3 p = ray_.at(t);
   const Vec2 u = equiangular_.uniform2();
-  const auto light = world_.lights.sample(choice->light, p, u, equiangular_.uniform_double());
+  const auto light = world_.lights.sample(choice->light, p, u, equiangular_.uniform_double(), plan_.choose_by, plan_.pieces);
   if (!(pdf > 0) || !(t < t_max) || !light || is_black(light->radiance)) return;
   const MediumPoint m = sample_.look_up(medium, p);
   const PhaseMix phase = medium.phase_at(p);

@@ -108,7 +108,7 @@ float PathKernel<kMask>::refraction_weight(const Refraction& refraction, const E
     ratio = solid_angle_ratio(way, refraction.from, emitter.p, n);
   }
   const double sampled = static_cast<double>(world_.lights.pmf(light, refraction.from, plan_.choose_by) *
-                                             world_.lights.pdf(light, refraction.from, emitter, glm::normalize(straight))) /
+                                             world_.lights.pdf(light, refraction.from, emitter, glm::normalize(straight), plan_.pieces)) /
                          ratio;
   if (!(sampled > 0) || !std::isfinite(sampled)) return 1;
   return power_heuristic(refraction.pdf, static_cast<float>(sampled));

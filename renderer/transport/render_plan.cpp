@@ -43,6 +43,7 @@ RenderPlan::RenderPlan(const World& world, const PathSettings& settings)
       kernel(kernel_for(effects, settings).run),
       transmittance(transmittance_options(settings)),
       choose_by(settings.features.has(Feature::kLightTree) ? ChooseBy::kArrival : ChooseBy::kPower),
+      pieces(settings.features.has(Feature::kRectangleSampling) ? Pieces::kRectangles : Pieces::kTriangles),
       splits(settings.features.has(Feature::kSplitting) ? settings.splits : 1),
       mis(settings.features.has(Feature::kMis)),
       roulette(settings.features.has(Feature::kRoulette)),

@@ -18,10 +18,10 @@ struct Case {
   Shape shape;
   std::vector<Vec3> refs;
 
-  /// The probability with which a triangle of a mesh is chosen; 1 for shapes of one primitive.
+  /// The probability with which a triangle of a mesh is chosen; 1 for shapes of one primitive, and for those that are one rectangle.
   double share(uint32_t primitive) const {
     const Mesh* mesh = std::get_if<Mesh>(&shape.geometry);
-    if (mesh == nullptr) return 1;
+    if (mesh == nullptr || name.starts_with("rectangle")) return 1;
     const auto area = [&](const std::array<uint32_t, 3>& t) {
       const DVec3 p(mesh->positions[t[0]]);
       return glm::length(glm::cross(DVec3(mesh->positions[t[1]]) - p, DVec3(mesh->positions[t[2]]) - p));
@@ -72,6 +72,22 @@ std::vector<Case> cases() {
   huge.positions = {{-1e4f, 0, -1e4f}, {1e4f, 0, -1e4f}, {0, 0, 1e4f}};
   huge.triangles = {{0, 2, 1}};
   add(cases, "huge triangle", triangle_shape(huge), {{0, 1, 0}, {3, 0.01f, 5}, {2e3f, 900, 3e3f}});
+
+  // Two triangles in any order of corners, and a patch.
+  Mesh rectangle;
+  rectangle.positions = {{-1, 0, 0}, {1, 0, 0}, {1, 0, 3}, {-1, 0, 3}};
+  rectangle.uv = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+  rectangle.triangles = {{1, 2, 0}, {3, 0, 2}};
+  add(cases, "rectangle of triangles", triangle_shape(rectangle), {{0, -1, 1}, {0.3f, 0.02f, 0.4f}, {2, -0.1f, 1}, {3, 9, 5}});
+  PatchMesh whole;
+  whole.positions = {{0, 0, 0}, {0.6f, 0.8f, 0}, {0, 0, -2}, {0.6f, 0.8f, -2}};
+  whole.patches = {{0, 1, 2, 3}};
+  add(cases, "rectangle of a patch", patch_shape(whole), {{-1, 0.5f, -1}, {0, 0.5f, -1}, {9, 1, 3}});
+  // A wall of two rectangles and a triangle beside them.
+  Mesh wall;
+  wall.positions = {{0, 0, 0}, {2, 0, 0}, {2, 1, 0}, {0, 1, 0}, {2, 0, 1}, {2, 1, 1}, {0, 2, 0.5f}};
+  wall.triangles = {{3, 2, 6}, {0, 1, 2}, {0, 2, 3}, {1, 4, 5}, {1, 5, 2}};
+  add(cases, "wall", triangle_shape(wall), {{1, 0.5f, 1}, {1.8f, 0.2f, 0.1f}, {-4, 3, 8}});
 
   PatchMesh flat;
   flat.positions = {{-1, -1, 0}, {1, -1, 0}, {-1.5f, 1, 0}, {1, 2, 0}};
@@ -249,7 +265,7 @@ TEST(AreaLight, DirectionsFollowTheDensity) {
 TEST(AreaLight, DensityIsTheReciprocalOfTheJacobian) {
   int compared = 0;
   for (const Case& c : cases()) {
-    if (c.name == "flat patch") continue;  // two triangles, as meshes have them
+    if (c.name == "flat patch" || c.name == "wall") continue;  // several pieces
     AreaLightDescription light;
     light.two_sided = true;
     const Lights lights = lights_of(emitting(light), {c.shape});
@@ -349,8 +365,8 @@ TEST(AreaLight, ImageIsSampledAsRaysSeeIt) {
   AreaLightDescription light;
   light.image_file = write_pfm("area_light.pfm", 2, 2, {Rgb(4), Rgb(8), Rgb(1), Rgb(2)});
   for (const Case& c : cases()) {
-    if (c.name != "triangles" && c.name != "bent patch" && c.name != "flat patch" && c.name != "sphere" && c.name != "part of a sphere" &&
-        c.name != "part of a ring" && c.name != "part of a cylinder")
+    if (c.name != "triangles" && !c.name.starts_with("rectangle") && c.name != "bent patch" && c.name != "flat patch" &&
+        c.name != "sphere" && c.name != "part of a sphere" && c.name != "part of a ring" && c.name != "part of a cylinder")
       continue;
     SCOPED_TRACE(c.name);
     const Lights lights = lights_of(emitting(light), {c.shape});

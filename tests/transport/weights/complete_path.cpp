@@ -11,6 +11,7 @@ Techniques::Techniques(uint32_t effects, const PathSettings& settings) {
   const Features& on = settings.features;
   mis = on.has(Feature::kMis);
   by_power = !on.has(Feature::kLightTree);
+  rectangles = on.has(Feature::kRectangleSampling);
   light_sampling = on.has(Feature::kLightSampling) && (!settings.plan || (effects & kLightSampling) != 0);
   // Both find light again that others find, so without weights they are not used; without a plan they are not either.
   equiangular = mis && settings.plan && light_sampling && on.has(Feature::kEquiangular) && (effects & kEquiangular) != 0;
@@ -116,7 +117,8 @@ double refracted_pdf(const SceneFormulas& scene, const Techniques& techniques, c
   const double area = glm::length(glm::cross(by_s, by_t));
   // On a caustic the bundle covers none.
   if (area < 1e-4 * glm::dot(straight, straight)) throw TooNear{};
-  const double by_area = light.pdf(vertex.p, end.primitive, end.p, w) * std::abs(side) / glm::dot(straight, straight);
+  const double by_area =
+      light.pdf(vertex.p, end.primitive, end.p, w, techniques.rectangles) * std::abs(side) / glm::dot(straight, straight);
   return scene.pmf(end.source, vertex.p, techniques.by_power) * by_area * area;
 }
 
@@ -149,7 +151,7 @@ Densities densities(const SceneFormulas& scene, const Techniques& techniques, co
     return all;
   }
   if (light.is_delta()) all.scattering = 0;
-  const double to_light = light.pdf(vertex.p, end.primitive, end.p, end.wi);
+  const double to_light = light.pdf(vertex.p, end.primitive, end.p, end.wi, techniques.rectangles);
   if (samples && techniques.light_sampling) all.light_sample = flown * scene.pmf(end.source, vertex.p, techniques.by_power) * to_light;
   if (to_light > 0) all.equiangular = equiangular_pdf(scene, techniques, vertex, end.source) * to_light;
   return all;

@@ -11,7 +11,8 @@ namespace woodcock::testing {
 /// Which techniques the render uses at all.
 struct Techniques {
   bool light_sampling = true, equiangular = true, emission_sampling = true, mis = true, refraction = true;
-  bool by_power = false;  ///< lights are chosen by power
+  bool by_power = false;   ///< lights are chosen by power
+  bool rectangles = true;  ///< are sampled as such
 
   /// By the features of these settings, where the scene calls for `effects`.
   Techniques(uint32_t effects, const PathSettings& settings);

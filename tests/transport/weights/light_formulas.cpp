@@ -27,6 +27,23 @@ double solid_angle(const std::array<DVec3, 3>& corner, DVec3 from) {
   return 4 * std::atan(std::sqrt(std::max(t, 0.0)));
 }
 
+/// Whether two triangles are the halves of a rectangle and face the same side. Throws TooNear.
+bool is_rectangle(const std::array<DVec3, 3>& a, const std::array<DVec3, 3>& b) {
+  const auto in = [](const std::array<DVec3, 3>& c, DVec3 p) { return c[0] == p || c[1] == p || c[2] == p; };
+  std::vector<DVec3> shared, other;
+  for (const DVec3 p : a) (in(b, p) ? shared : other).push_back(p);
+  for (const DVec3 p : b)
+    if (!in(a, p)) other.push_back(p);
+  if (shared.size() != 2 || other.size() != 2) return false;
+  if (glm::dot(glm::cross(a[1] - a[0], a[2] - a[0]), glm::cross(b[1] - b[0], b[2] - b[0])) < 0) return false;
+  const DVec3 x = shared[0] - other[0], y = shared[1] - other[0];
+  const double side = std::min(glm::length(x), glm::length(y));
+  const double off = std::max(glm::length(other[0] + other[1] - shared[0] - shared[1]), std::abs(glm::dot(x, y)) / side);
+  if (off > 1e-5 * side) return false;
+  if (off > 1e-7 * side) throw TooNear{};
+  return true;
+}
+
 }  // namespace
 
 LightFormula::LightFormula(const LightDescription& light, const RenderSpace& space, double scene_radius) {
@@ -182,31 +199,48 @@ DVec3 LightFormula::normal(uint32_t primitive, DVec3 p) const {
   return flip_ ? -n : n;
 }
 
-const std::array<DVec3, 3>& LightFormula::triangle(uint32_t primitive, DVec3 p) const {
-  if (!patch_) return triangles_[primitive];
+size_t LightFormula::triangle(uint32_t primitive, DVec3 p) const {
+  if (!patch_) return primitive;
   const auto& c = triangles_[0];
   const DVec3 diagonal = c[2] - c[0], n = glm::cross(c[1] - c[0], diagonal);
   const double side = glm::dot(glm::cross(diagonal, p - c[0]), n) / (glm::length(n) * glm::dot(diagonal, diagonal));
   if (std::abs(side) < 1e-4) throw TooNear{};
-  return triangles_[side < 0 ? 0 : 1];
+  return side < 0 ? 0 : 1;
 }
 
-double LightFormula::triangle_pdf(const std::array<DVec3, 3>& corner, DVec3 from, DVec3 p) const {
-  // By solid angle where an edge is longer than 0.35 of the distance to the farthest corner, else by area.
-  double edge = 0, far = 0;
-  for (size_t i = 0; i < 3; ++i) {
-    edge = std::max(edge, glm::distance(corner[i], corner[(i + 1) % 3]));
-    far = std::max(far, glm::distance(corner[i], from));
+std::vector<std::array<DVec3, 3>> LightFormula::piece(size_t triangle, bool whole) const {
+  if (!whole) return {triangles_[triangle]};
+  // Of triangles in a row the first two that fit belong together.
+  for (size_t i = 0; i <= triangle; ++i) {
+    const bool fits = i + 1 < triangles_.size() && is_rectangle(triangles_[i], triangles_[i + 1]);
+    if (fits && i + 1 >= triangle) return {triangles_[i], triangles_[i + 1]};
+    if (fits) ++i;
   }
-  const double omega = solid_angle(corner, from);
-  if (std::abs(edge - 0.35 * far) < 1e-5 * far || (edge > 0.35 * far && omega < 1e-5)) throw TooNear{};
-  if (edge > 0.35 * far) return area(corner) / area_ / omega;
-  const DVec3 to = p - from, n = glm::normalize(glm::cross(corner[1] - corner[0], corner[2] - corner[0]));
-  const double distance2 = glm::dot(to, to);
-  return distance2 * std::sqrt(distance2) / (std::abs(glm::dot(to, n)) * area_);
+  return {triangles_[triangle]};
 }
 
-double LightFormula::pdf(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi) const {
+double LightFormula::flat_pdf(const std::vector<std::array<DVec3, 3>>& piece, DVec3 from, DVec3 p) const {
+  // By solid angle where the longest line in it is longer than 0.35 of the distance to the farthest corner, else by area.
+  double line = 0, far = 0, omega = 0, piece_area = 0;
+  for (const auto& triangle : piece) {
+    for (const DVec3 a : triangle) {
+      far = std::max(far, glm::distance(a, from));
+      for (const auto& other : piece)
+        for (const DVec3 b : other) line = std::max(line, glm::distance(a, b));
+    }
+    omega += solid_angle(triangle, from);
+    piece_area += area(triangle);
+  }
+  const DVec3 to = p - from, n = glm::normalize(glm::cross(piece[0][1] - piece[0][0], piece[0][2] - piece[0][0]));
+  const double height = std::abs(glm::dot(to, n));
+  if (std::abs(line - 0.35 * far) < 1e-5 * far || (line > 0.35 * far && omega < 2e-5)) throw TooNear{};
+  if (piece.size() > 1 && height < 1e-4 * line) throw TooNear{};
+  if (line > 0.35 * far) return piece_area / area_ / omega;
+  const double distance2 = glm::dot(to, to);
+  return distance2 * std::sqrt(distance2) / (height * area_);
+}
+
+double LightFormula::pdf(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi, bool whole) const {
   switch (kind_) {
     case Kind::kPoint:
     case Kind::kSpot:
@@ -225,7 +259,7 @@ double LightFormula::pdf(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi) cons
       return side > 0 ? 0 : (1 + std::sqrt(1 - sine * sine)) / (2 * kPiD * sine * sine);
     }
     case Kind::kTriangles:
-      return triangle_pdf(triangle(primitive, p), from, p);
+      return flat_pdf(piece(triangle(primitive, p), whole), from, p);
     case Kind::kDisk:
     case Kind::kCylinder:
       break;

@@ -250,8 +250,9 @@ class Generator {
     text_ += translate(p) + turn();
     switch (below(5)) {
       case 4:
+        // Some are rectangles.
         text_ += fmt::format("Shape \"bilinearmesh\" \"point3 P\" [ 0 0 0  {0} 0 0  {1} {0} 0  {2} {0} 0 ]", length(0.9 * size),
-                             length(0.2 * size), length(1.1 * size)) +
+                             length(size > 0.1 ? 0 : 0.2 * size), length(size > 0.1 ? 0.9 * size : 1.1 * size)) +
                  alpha;
         break;
       case 0:
@@ -281,9 +282,9 @@ class Generator {
     switch (below(10)) {
       case 8:
       case 9: {
-        // A panel above all else.
+        // A panel above all else; a rectangle, or not quite one.
         const double s = uniform(0.3, 2), y = uniform(1.5, 2);
-        const DVec3 p[] = {{-s, y, -s}, {s, y, -s}, {s, y + 0.2, s}, {-s, y, s}};
+        const DVec3 p[] = {{-s, y, -s}, {s, y, -s}, {s, y + (s < 1.2 ? 0 : 0.2), s}, {-s, y, s}};
         text_ += "AttributeBegin\nAreaLightSource \"diffuse\"" + color("L", 0.5, 5) + (chance(0.3) ? " \"bool twosided\" true\n" : "\n");
         text_ += fmt::format("Shape \"trianglemesh\" \"integer indices\" [ 0 1 2 0 2 3 ] \"point3 P\" [ {} {} {} {} ]\nAttributeEnd\n",
                              at(p[0]), at(p[1]), at(p[2]), at(p[3]));

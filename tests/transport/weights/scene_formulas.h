@@ -36,8 +36,9 @@ class LightFormula {
   /// Of the surface, with either sign.
   DVec3 normal(uint32_t primitive, DVec3 p) const;
 
-  /// Per steradian at `from`, of sampling the point p of this primitive (delta lights: 1) in the direction wi. Throws TooNear.
-  double pdf(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi) const;
+  /// Per steradian at `from`, of sampling the point p of this primitive (delta lights: 1) in the direction wi. `whole`: rectangles
+  /// are sampled as such, not as two triangles. Throws TooNear.
+  double pdf(DVec3 from, uint32_t primitive, DVec3 p, DVec3 wi, bool whole) const;
   /// Another part of the same shape lies between `from` and p, and lets nothing through.
   bool hides(DVec3 from, uint32_t primitive, DVec3 p) const;
   /// What arrives at `from` from the point p in direction −wi if nothing is in the way; for a light sample, that is with
@@ -47,12 +48,15 @@ class LightFormula {
  private:
   enum class Kind { kPoint, kSpot, kDistant, kInfinite, kSphere, kDisk, kCylinder, kTriangles };
 
-  double triangle_pdf(const std::array<DVec3, 3>& corner, DVec3 from, DVec3 p) const;
+  /// Of one or several triangles in one plane that are sampled at once.
+  double flat_pdf(const std::vector<std::array<DVec3, 3>>& piece, DVec3 from, DVec3 p) const;
+  /// The triangles that are sampled together with this one: it alone, or both of a rectangle.
+  std::vector<std::array<DVec3, 3>> piece(size_t triangle, bool whole) const;
   /// The box around what emits, corner by corner, in float as the renderer's.
   void include(DVec3 corner);
 
   /// The triangle that p was sampled from: the primitive, or the half of a patch. Throws TooNear.
-  const std::array<DVec3, 3>& triangle(uint32_t primitive, DVec3 p) const;
+  size_t triangle(uint32_t primitive, DVec3 p) const;
 
   Kind kind_ = Kind::kPoint;
   bool bounded_ = true, delta_ = true, two_sided_ = false, flip_ = false, patch_ = false;
