@@ -25,6 +25,8 @@ enum class Feature : uint32_t {
   kLayeredClosedForms,
   kLightTree,
   kDielectricBoundaries,
+  kTowardsLight,
+  kLightRoulette,
 };
 
 struct FeatureInfo {
@@ -34,7 +36,7 @@ struct FeatureInfo {
 };
 
 /// All features, in the order in which they are written to headers.
-inline constexpr std::array<FeatureInfo, 14> kFeatures{{
+inline constexpr std::array<FeatureInfo, 16> kFeatures{{
     {Feature::kEquiangular, "equiangular", "distances to bounded lights in thin media in proportion to the light that arrives"},
     {Feature::kEmissionSampling, "emission-sampling", "bricks of media that emit are sampled as lights"},
     {Feature::kLightSampling, "light-sampling", "a light is sampled at every scattering"},
@@ -50,6 +52,9 @@ inline constexpr std::array<FeatureInfo, 14> kFeatures{{
      "coated surfaces are evaluated without walks where the sum over all walks is known"},
     {Feature::kLightTree, "light-tree", "a light is chosen by an estimate of what arrives at the point, not by its power"},
     {Feature::kDielectricBoundaries, "dielectric-boundaries", "lights are sampled through the surface of spheres of smooth glass"},
+    {Feature::kTowardsLight, "towards-light",
+     "some scatterings in media that scatter forwards send a branch towards the light they sample"},
+    {Feature::kLightRoulette, "light-roulette", "light samples in media that bring little end before their shadow ray is traced"},
 }};
 
 /// A set of features; all of them unless taken out.

@@ -8,7 +8,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 #include <type_traits>
+#include <utility>
 
 #include "renderer/core/frame.h"
 #include "renderer/media/extent.h"
@@ -45,6 +47,8 @@ class PathKernel {
         effects_(effects),
         ways_(transmittance_ways(settings)),
         count_(count),
+        branches_(uses(kVolumeScattering) && settings.plan && with_mis() && settings.features.has(Feature::kTowardsLight) &&
+                  !uses(kEquiangular | kVolumeEmission)),
         key_(key),
         ray_(ray),
         medium_(uses(kMedia) ? world.camera_medium : kNone),
@@ -99,6 +103,7 @@ class PathKernel {
         add_environment();
         break;
       }
+      next_light_share_ = 1;
       travelled_ += hit->t;
       if (!arrive(*hit)) break;
       if (vertex_ != vertex_before) crossings = 0;
@@ -235,6 +240,23 @@ class PathKernel {
 
   bool scatter_in_medium(double t, DVec3 p);
 
+  // --- branches towards a light ----------------------------------------------------------------------------
+
+  /// Where a medium scatters forwards, a light sample is much larger than others when the path happens to head for the light. So some
+  /// scatterings send a branch with this probability: its direction w is drawn as if light came from where the light sample of the
+  /// vertex lies, with the density q(w); it scatters once more in the same medium, samples a light there and ends. Light samples of
+  /// the path's own next vertex take part in what can be found in both ways (directional importance sampling: Buras & Mayer 2011,
+  /// "Efficient unbiased variance reduction techniques for Monte Carlo simulations of radiative transfer in cloudy atmospheres", section
+  /// 3.3). With p(w) the density of the path's own direction, both are divided by p(w) + probability · q(w): the balance heuristic.
+  static constexpr float kBranchProbability = 0.15f;
+  /// Per steradian: phase functions of a lower density straight ahead scatter too evenly for it.
+  static constexpr float kLeastForwardPeak = 0.3f;
+  static constexpr uint32_t kTowardsLightBranch = 1;
+
+  /// The probability of a branch at a vertex in a medium; 0 where none is worth while.
+  float branch_probability(const PhaseMix& phase) const;
+  void branch_towards_light(const PhaseMix& phase, Vec3 wo, DVec3 p, Vec3 to_light, float probability);
+
   // --- surfaces ------------------------------------------------------------------------------------------
 
   /// Meets the nearest hit, or of those that coincide with it the one that comes first. False ends the path.
@@ -365,7 +387,14 @@ class PathKernel {
     float pdf = 0;  ///< of sampling the direction by scattering, per solid angle
     Ray shadow;
     int medium = kNone;  ///< in which the shadow ray starts
+    bool in_medium = false;
   };
+
+  /// The probability with which a light sample is traced; what it brings is divided by it.
+  float light_survival(const Scattered& scattered) const {
+    if (!uses(kVolumeScattering) || !scattered.in_medium || !settings_.features.has(Feature::kLightRoulette)) return 1;
+    return light_sample_survival(beta_ * scattered.value);
+  }
 
   template <typename Evaluate>
   void sample_lights(DVec3 reference, Evaluate&& evaluate) {
@@ -538,7 +567,8 @@ class PathKernel {
   const uint32_t effects_;
   const TransmittanceWays ways_;
   PathCounters& count_;
-  const PathKey key_;
+  const bool branches_;  ///< towards lights
+  PathKey key_;
   PathResult result_;
 
   Ray ray_;
@@ -554,6 +584,9 @@ class PathKernel {
   /// have given it (camera, specular).
   DVec3 reference_{0};
   float direction_pdf_ = 0;
+  std::optional<Vec3> light_direction_;  ///< of the light sample at the last vertex
+  /// Of the path itself in what light samples at the next vertex find, beside branches from the last; 1 once it has left the medium.
+  float next_light_share_ = 1;
   std::optional<Refraction> refraction_;  ///< that led to the last vertex, after a scattering that sampled lights
   double travelled_ = 0;                  ///< since the last scattering, render units
   /// The surfaces where the path stands, if others may coincide with the one it met.

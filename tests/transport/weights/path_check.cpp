@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <numbers>
+#include <utility>
 
 namespace woodcock::testing {
 namespace {
@@ -59,6 +61,9 @@ void CheckReport::add(const CheckReport& o) {
   too_near += o.too_near;
   with_several += o.with_several;
   exact_values += o.exact_values;
+  branches += o.branches;
+  shared += o.shared;
+  light_roulettes += o.light_roulettes;
   steps += o.steps;
   weight_deviation = std::max(weight_deviation, o.weight_deviation);
   sum_deviation = std::max(sum_deviation, o.sum_deviation);
@@ -80,6 +85,10 @@ void PathCheck::check(const PathRecord& record, const std::string& name, CheckRe
   so_far_ = {};
   vertex_ = {};
   refraction_.reset();
+  fork_.reset();
+  branch_.reset();
+  light_share_ = next_light_share_ = 1;
+  share_slack_ = next_slack_ = 0;
   share_ = DVec3(1.0 / 3);
   by_delta_lobe_ = roulette_due_ = false;
   eta_scale_ = 1;
@@ -151,6 +160,8 @@ void PathCheck::see(const SegmentEnds& e) {
   ++report_->steps;
   const MediumFormula& medium = scene_.medium(segment_.medium);
   const double length = e.t.value_or(segment_.t_max);
+  // Branches end where their medium does.
+  if (!e.t) next_light_share_ = 1;
   if (!is_closed(medium, segment_.t_max)) {
     // Tracked: the recorded estimate stands for the ratio of value and density.
     for (int c = 0; c < 3; ++c) so_far_.f[c] *= segment_.beta[c] != 0 ? e.beta[c] / segment_.beta[c] : 0;
@@ -181,6 +192,55 @@ void PathCheck::see(const MediumScatters& e) {
   vertex_.t_max = segment_.t_max;
   vertex_.share = share_;
   ++scatterings_;
+  light_share_ = std::exchange(next_light_share_, 1.0);
+  share_slack_ = std::exchange(next_slack_, 0.0);
+  branch_.reset();
+  report_->branches += fork_.has_value();
+}
+
+double PathCheck::light_share(const LastVertex& vertex, DVec3 wi) const {
+  const double p = scattering_pdf(scene_, vertex, wi);
+  return p / (p + branch_->probability * branch_pdf(scene_, vertex, branch_->to_light, wi));
+}
+
+void PathCheck::see(const BranchPossible& e) {
+  branch_ = e;
+  if (!may_scatter() || fork_) fail("a branch where none may scatter");
+  compare("the probability of a branch", e.probability, branch_probability(scene_, techniques_, vertex_), 1e-6);
+}
+
+void PathCheck::see(const BranchStarts& e) {
+  ++report_->steps;
+  fork_ = Fork{so_far_, vertex_, segment_, share_, recorded_beta_, scatterings_, *branch_};
+  // Both ways to find what light samples find at the next vertex.
+  const auto density = [&](const LastVertex& v, DVec3 wi) {
+    return scattering_pdf(scene_, v, wi) + branch_->probability * branch_pdf(scene_, v, branch_->to_light, wi);
+  };
+  const DVec3 value = scattering_value(scene_, vertex_, e.wi).value();
+  const double p = density(vertex_, e.wi);
+  so_far_.slack += 4e-5;
+  for (int way = 0; way < 4; ++way) {
+    LastVertex v = vertex_;
+    LightEnd end;
+    end.wi = e.wi;
+    nudge(way, v, end);
+    so_far_.slack += 2 * largest(scattering_value(scene_, v, end.wi).value() / density(v, end.wi) - value / p) / largest(value / p);
+  }
+  so_far_.f *= value;
+  so_far_.p *= p;
+  compare("the throughput of a branch", e.beta, so_far_.beta(), so_far_.slack);
+  recorded_beta_ = e.beta;
+}
+
+void PathCheck::see(const BranchEnds&) {
+  so_far_ = fork_->so_far;
+  vertex_ = fork_->vertex;
+  segment_ = fork_->segment;
+  share_ = fork_->share;
+  recorded_beta_ = fork_->recorded_beta;
+  scatterings_ = fork_->scatterings;
+  branch_ = fork_->branch;
+  fork_.reset();
 }
 
 void PathCheck::see(const SurfaceScatters& e) {
@@ -195,6 +255,9 @@ void PathCheck::see(const SurfaceScatters& e) {
   vertex_.x = glm::dot(along, along) > 0 ? glm::normalize(along) : glm::normalize(glm::cross(vertex_.z, any));
   vertex_.y = glm::cross(vertex_.z, vertex_.x);
   ++scatterings_;
+  light_share_ = next_light_share_ = 1;
+  share_slack_ = next_slack_ = 0;
+  branch_.reset();
 }
 
 void PathCheck::see(const DirectionTaken& e) {
@@ -238,6 +301,17 @@ void PathCheck::see(const DirectionTaken& e) {
       so_far_.f *= *value;
       so_far_.p *= pdf;
       so_far_.slack += ratio_allowed;
+    }
+    if (branch_) {
+      next_light_share_ = light_share(vertex_, e.wi);
+      next_slack_ = 4e-5;
+      for (int way = 0; way < 4; ++way) {
+        LastVertex v = vertex_;
+        LightEnd end;
+        end.wi = e.wi;
+        nudge(way, v, end);
+        next_slack_ += 2 * std::abs(light_share(v, end.wi) / next_light_share_ - 1);
+      }
     }
   }
   so_far_.slack += 1e-5;
@@ -464,6 +538,19 @@ void PathCheck::check_value(const LightAdded& e, const LastVertex& vertex, const
     ++report_->exact_values;
     transmittance = way.transmittance;
     slack += 1e-5 * (1 + way.depth);
+  }
+  // What branches find, too.
+  if (e.technique == Technique::kLightSample || e.technique == Technique::kRefractedSample) {
+    report_->shared += light_share_ < 1;
+    value *= light_share_;
+    slack += share_slack_;
+  }
+  if (e.technique == Technique::kLightSample && vertex.kind == LastVertex::Kind::kMedium && has(Feature::kLightRoulette)) {
+    // Traced in any case from 4π β f = ½ on.
+    const double survival = std::min(1.0, 8 * std::numbers::pi * largest(so_far_.beta() * *f * light_share_));
+    report_->light_roulettes += survival < 1;
+    value /= survival;
+    slack *= 2;
   }
   compare("the value of a light sample", e.added, so_far_.beta() * value * transmittance * (weight / density), slack,
           &report_->value_deviation);

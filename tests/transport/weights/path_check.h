@@ -18,6 +18,9 @@ struct CheckReport {
   int64_t too_near = 0;                              ///< where rounding decides which techniques there are
   int64_t with_several = 0;                          ///< that more than one technique could have made
   int64_t exact_values = 0;                          ///< recomputed with the transmittance in closed form, too
+  int64_t branches = 0;                              ///< towards lights that scattered
+  int64_t shared = 0;                                ///< light samples that a branch could have made
+  int64_t light_roulettes = 0;                       ///< light samples that survived one
   int64_t steps = 0;                                 ///< segments, directions, roulettes and media of the paths themselves
   double weight_deviation = 0;                       ///< largest difference of a weight
   double sum_deviation = 0;                          ///< largest of |Σ w − 1|, the used weight in place of the function's
@@ -39,6 +42,9 @@ class PathCheck {
   void check(const PathRecord& record, const std::string& name, CheckReport& report);
 
  private:
+  /// Of the path itself in what light samples at the next vertex find, for a direction from `vertex` that a branch could have had.
+  double light_share(const LastVertex& vertex, DVec3 wi) const;
+
   struct Throughput {
     DVec3 f{1};    ///< of the path so far
     double p = 1;  ///< its density, roulette included
@@ -50,6 +56,9 @@ class PathCheck {
   void see(const SegmentStarts& e);
   void see(const SegmentEnds& e);
   void see(const MediumScatters& e);
+  void see(const BranchPossible& e);
+  void see(const BranchStarts& e);
+  void see(const BranchEnds& e);
   void see(const SurfaceScatters& e);
   void see(const DirectionTaken& e);
   void see(const RouletteSurvived& e);
@@ -94,6 +103,19 @@ class PathCheck {
     DVec3 wi;
   };
   std::optional<Refraction> refraction_;
+  /// Where the branch leaves the path.
+  struct Fork {
+    Throughput so_far;
+    LastVertex vertex;
+    SegmentStarts segment;
+    DVec3 share, recorded_beta;
+    int scatterings;
+    BranchPossible branch;
+  };
+  std::optional<Fork> fork_;                  ///< while events are those of the branch
+  std::optional<BranchPossible> branch_;      ///< of the last vertex
+  double light_share_ = 1, share_slack_ = 0;  ///< of the last vertex's light samples
+  double next_light_share_ = 1, next_slack_ = 0;
   bool by_delta_lobe_ = false, roulette_due_ = false;
   double survival_ = 1, eta_scale_ = 1;
   int scatterings_ = 0;
