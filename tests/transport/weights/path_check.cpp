@@ -6,32 +6,17 @@
 #include <numbers>
 #include <utility>
 
+#include "tests/transport/weights/rounding.h"
+
 namespace woodcock::testing {
 namespace {
 
 constexpr const char* kNames[] = {"scattering",   "environment", "collision",       "segment",
                                   "light sample", "equiangular", "emission sample", "refracted sample"};
 
-/// What float32 makes of a position or direction of unit size, generously.
-constexpr double kNudge = 2e-7;
 constexpr size_t kMostFailures = 8;
 
-double largest(DVec3 v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 std::string text(DVec3 v) { return fmt::format("({:.7g} {:.7g} {:.7g})", v.x, v.y, v.z); }
-
-/// The same path as it might have been rounded otherwise.
-void nudge(int way, LastVertex& v, LightEnd& e) {
-  const DVec3 signs[] = {{1, -1, 1}, {-1, -1, 1}, {1, 1, -1}, {-1, 1, 1}};
-  const auto move = [&](DVec3& p, int k) { p += signs[(way + k) % 4] * (kNudge * std::max(1.0, largest(p))); };
-  move(v.p, 0);
-  move(v.o, 1);
-  move(v.wo, 2);
-  move(v.d, 3);
-  move(v.z, 1);
-  move(e.p, 2);
-  move(e.wi, 3);
-  v.t *= 1 + (way % 2 == 0 ? kNudge : -kNudge);
-}
 
 double chosen(Technique technique, const Densities& d) {
   switch (technique) {
@@ -196,51 +181,6 @@ void PathCheck::see(const MediumScatters& e) {
   share_slack_ = std::exchange(next_slack_, 0.0);
   branch_.reset();
   report_->branches += fork_.has_value();
-}
-
-double PathCheck::light_share(const LastVertex& vertex, DVec3 wi) const {
-  const double p = scattering_pdf(scene_, vertex, wi);
-  return p / (p + branch_->probability * branch_pdf(scene_, vertex, branch_->to_light, wi));
-}
-
-void PathCheck::see(const BranchPossible& e) {
-  branch_ = e;
-  if (!may_scatter() || fork_) fail("a branch where none may scatter");
-  compare("the probability of a branch", e.probability, branch_probability(scene_, techniques_, vertex_), 1e-6);
-}
-
-void PathCheck::see(const BranchStarts& e) {
-  ++report_->steps;
-  fork_ = Fork{so_far_, vertex_, segment_, share_, recorded_beta_, scatterings_, *branch_};
-  // Both ways to find what light samples find at the next vertex.
-  const auto density = [&](const LastVertex& v, DVec3 wi) {
-    return scattering_pdf(scene_, v, wi) + branch_->probability * branch_pdf(scene_, v, branch_->to_light, wi);
-  };
-  const DVec3 value = scattering_value(scene_, vertex_, e.wi).value();
-  const double p = density(vertex_, e.wi);
-  so_far_.slack += 4e-5;
-  for (int way = 0; way < 4; ++way) {
-    LastVertex v = vertex_;
-    LightEnd end;
-    end.wi = e.wi;
-    nudge(way, v, end);
-    so_far_.slack += 2 * largest(scattering_value(scene_, v, end.wi).value() / density(v, end.wi) - value / p) / largest(value / p);
-  }
-  so_far_.f *= value;
-  so_far_.p *= p;
-  compare("the throughput of a branch", e.beta, so_far_.beta(), so_far_.slack);
-  recorded_beta_ = e.beta;
-}
-
-void PathCheck::see(const BranchEnds&) {
-  so_far_ = fork_->so_far;
-  vertex_ = fork_->vertex;
-  segment_ = fork_->segment;
-  share_ = fork_->share;
-  recorded_beta_ = fork_->recorded_beta;
-  scatterings_ = fork_->scatterings;
-  branch_ = fork_->branch;
-  fork_.reset();
 }
 
 void PathCheck::see(const SurfaceScatters& e) {
