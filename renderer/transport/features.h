@@ -27,6 +27,8 @@ enum class Feature : uint32_t {
   kDielectricBoundaries,
   kSplitting,
   kRectangleSampling,
+  kTowardsLight,
+  kLightRoulette,
 };
 
 struct FeatureInfo {
@@ -36,7 +38,7 @@ struct FeatureInfo {
 };
 
 /// All features, in the order in which they are written to headers.
-inline constexpr std::array<FeatureInfo, 16> kFeatures{{
+inline constexpr std::array<FeatureInfo, 18> kFeatures{{
     {Feature::kEquiangular, "equiangular", "distances to bounded lights in thin media in proportion to the light that arrives"},
     {Feature::kEmissionSampling, "emission-sampling", "bricks of media that emit are sampled as lights"},
     {Feature::kLightSampling, "light-sampling", "a light is sampled at every scattering"},
@@ -54,6 +56,9 @@ inline constexpr std::array<FeatureInfo, 16> kFeatures{{
     {Feature::kDielectricBoundaries, "dielectric-boundaries", "lights are sampled through the surface of spheres of smooth glass"},
     {Feature::kSplitting, "splitting", "a path goes on in several directions from its first scattering, where that is worth while"},
     {Feature::kRectangleSampling, "rectangle-sampling", "rectangular lights are sampled as a whole, near ones by solid angle"},
+    {Feature::kTowardsLight, "towards-light",
+     "some scatterings in media that scatter forwards send a branch towards the light they sample"},
+    {Feature::kLightRoulette, "light-roulette", "light samples in media that bring little end before their shadow ray is traced"},
 }};
 
 /// A set of features; all of them unless taken out.

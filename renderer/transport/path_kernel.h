@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 #include <type_traits>
 #include <utility>
 
@@ -114,7 +115,10 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
     const auto t = fly(hit ? hit->t : static_cast<double>(kInf));
     if (ended_) return FlightEnd::kOver;
     note([&] { return SegmentEnds{t, beta_}; });
-    if (!t) return FlightEnd::kThrough;
+    if (!t) {
+      next_light_share_ = 1;
+      return FlightEnd::kThrough;
+    }
     return scatter_in_medium(*t, point_before(world_, ray_, *t, hit, uses(kTouching))) ? FlightEnd::kScattered : FlightEnd::kOver;
   }
 
@@ -202,11 +206,12 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
 
   bool scatter_in_medium(double t, DVec3 p);
 
-  /// Takes a direction drawn from the phase function. False where the path ends.
-  bool leave_in_medium(const PhaseMix& phase, DVec3 p, Vec3 wo);
+  /// Takes a direction drawn from the phase function, where a branch towards `to_light` may be sent with this probability. False where the
+  /// path ends.
+  bool leave_in_medium(const PhaseMix& phase, DVec3 p, Vec3 wo, Vec3 to_light, float branch_probability);
 
   /// At the first scattering by which light was sampled the path goes on in as many directions as the plan says, each with its share of the
-  /// throughput: `take_one(branch, is_path)` does that. The last of them is the path itself.
+  /// throughput: `take_one(part, is_path)` does that. The last of them is the path itself.
   template <typename TakeOne>
   bool split(TakeOne&& take_one) {
     const uint32_t directions = std::exchange(directions_, 1u);
@@ -216,15 +221,32 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
     note([&] { return PathSplits{directions}; });
     const PathKey key = key_;
     for (uint32_t i = 1; i < directions; ++i) {
-      PathKernel branch(*this);
-      branch.key_ = split_key(key, i, directions);
-      note([&] { return BranchStarts{beta_}; });
-      if (take_one(branch, false)) branch.follow();
+      PathKernel part(*this);
+      part.key_ = split_key(key, i, directions);
+      note([&] { return SplitPart{beta_}; });
+      if (take_one(part, false)) part.follow();
     }
     key_ = split_key(key, 0, directions);
-    note([&] { return BranchStarts{beta_}; });
+    note([&] { return SplitPart{beta_}; });
     return take_one(*this, true);
   }
+
+  // --- branches towards a light ----------------------------------------------------------------------------
+
+  /// Where a medium scatters forwards, a light sample is much larger than others when the path happens to head for the light. So some
+  /// scatterings send a branch with this probability: its direction w is drawn as if light came from where the light sample of the
+  /// vertex lies, with the density q(w); it scatters once more in the same medium, samples a light there and ends. Light samples of
+  /// the path's own next vertex take part in what can be found in both ways (directional importance sampling: Buras & Mayer 2011,
+  /// "Efficient unbiased variance reduction techniques for Monte Carlo simulations of radiative transfer in cloudy atmospheres", section
+  /// 3.3). With p(w) the density of the path's own direction, both are divided by p(w) + probability · q(w): the balance heuristic.
+  static constexpr float kBranchProbability = 0.15f;
+  /// Per steradian: phase functions of a lower density straight ahead scatter too evenly for it.
+  static constexpr float kLeastForwardPeak = 0.3f;
+  static constexpr uint32_t kTowardsLightBranch = 1;
+
+  /// The probability of a branch at a vertex in a medium; 0 where none is worth while.
+  float branch_probability(const PhaseMix& phase) const;
+  void branch_towards_light(const PhaseMix& phase, Vec3 wo, DVec3 p, Vec3 to_light, float probability);
 
   // --- surfaces ------------------------------------------------------------------------------------------
 
@@ -258,8 +280,8 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
     }
 
     if (is_specular(bsdf)) return leave_surface(v, bsdf, frame, wo, layered);
-    return split([&](PathKernel& branch, bool is_path) {
-      return branch.leave_surface(v, bsdf, frame, wo, is_path ? layered : stream(branch.key_, vertex_, Purpose::kLayered));
+    return split([&](PathKernel& part, bool is_path) {
+      return part.leave_surface(v, bsdf, frame, wo, is_path ? layered : stream(part.key_, vertex_, Purpose::kLayered));
     });
   }
 
@@ -295,7 +317,14 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
     float pdf = 0;  ///< of sampling the direction by scattering, per solid angle
     Ray shadow;
     int medium = kNone;  ///< in which the shadow ray starts
+    bool in_medium = false;
   };
+
+  /// The probability with which a light sample is traced; what it brings is divided by it.
+  float light_survival(const Scattered& scattered) const {
+    if (!uses(kVolumeScattering) || !scattered.in_medium || !plan_.light_roulette) return 1;
+    return light_sample_survival(beta_ * scattered.value / start_weight_);
+  }
 
   template <typename Evaluate>
   void sample_lights(DVec3 reference, Evaluate&& evaluate) {
@@ -450,6 +479,9 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   /// have given it (camera, specular).
   DVec3 reference_{0};
   float direction_pdf_ = 0;
+  std::optional<Vec3> light_direction_;  ///< of the light sample at the last vertex
+  /// Of the path itself in what light samples at the next vertex find, beside branches from the last; 1 once it has left the medium.
+  float next_light_share_ = 1;
   std::optional<Refraction> refraction_;  ///< that led to the last vertex, after a scattering that sampled lights
   bool ended_ = false;                    ///< in the segment that is crossed
 

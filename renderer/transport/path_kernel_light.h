@@ -17,10 +17,13 @@ void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
   const Vec2 u = random.uniform2();
   const auto light = world_.lights.sample(choice->light, reference, u, random.uniform_double(), plan_.choose_by, plan_.pieces);
   if (!light || is_black(light->radiance)) return;
+  if constexpr ((kMask & kVolumeScattering) != 0) light_direction_ = light->wi;
   if (glass != nullptr && is_outside(*glass, *light)) return sample_through_glass(*glass, *choice, *light, reference, evaluate);
   Scattered scattered;
   evaluate(light->wi, scattered);
   if (is_black(scattered.value)) return;
+  const float survival = light_survival(scattered);
+  if (survival < 1 && random.uniform_double() >= static_cast<double>(survival)) return;
   const auto distance = aim(*light, scattered.shadow);
   if (!distance) return;
   Stream tracking = stream(key_, vertex_, Purpose::kTransmittance);
@@ -29,7 +32,7 @@ void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
   const float light_pdf = choice->pmf * light->pdf;
   const float mis =
       plan_.mis ? power_heuristic(light_pdf, light->delta ? 0 : scattered.pdf, equiangular_odds(choice->light) * light->pdf) : 1;
-  add(scattered.value * light->radiance * transmittance * (mis / light_pdf), [&] {
+  add(scattered.value * light->radiance * transmittance * (mis / (light_pdf * survival)), [&] {
     return LightAdded{.technique = Technique::kLightSample,
                       .source = choice->light,
                       .primitive = light->target.primitive,

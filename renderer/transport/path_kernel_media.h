@@ -2,6 +2,7 @@
 #pragma once
 
 #include "renderer/transport/path_kernel.h"
+#include "renderer/transport/path_kernel_towards_light.h"
 
 namespace woodcock {
 
@@ -175,21 +176,31 @@ bool PathKernel<kMask>::scatter_in_medium(double t, DVec3 p) {
   const Vec3 wo(-ray_.d);
   note([&] { return MediumScatters{p, wo, t, medium_}; });
 
+  const float share = std::exchange(next_light_share_, 1.0f);
+  light_direction_.reset();
   sample_lights(p, [&](Vec3 wi, Scattered& scattered) {
-    scattered = {phase.eval(wo, wi), phase.pdf(wo, wi), {p, wi, ray_.time}, medium_};
+    scattered = {phase.eval(wo, wi) * share, phase.pdf(wo, wi), {p, wi, ray_.time}, medium_, true};
   });
+  const float branch = branch_probability(phase);
+  const Vec3 to_light = branch > 0 ? *light_direction_ : Vec3(0);
+  if (branch > 0) {
+    note([&] { return BranchPossible{to_light, branch}; });
+    branch_towards_light(phase, wo, p, to_light, branch);
+    if (ended_) return false;
+  }
 
-  return split([&](PathKernel& branch, bool) { return branch.leave_in_medium(phase, p, wo); });
+  return split([&](PathKernel& part, bool) { return part.leave_in_medium(phase, p, wo, to_light, branch); });
 }
 
 template <uint32_t kMask>
-bool PathKernel<kMask>::leave_in_medium(const PhaseMix& phase, DVec3 p, Vec3 wo) {
+bool PathKernel<kMask>::leave_in_medium(const PhaseMix& phase, DVec3 p, Vec3 wo, Vec3 to_light, float branch_probability) {
   Stream direction = stream(key_, vertex_, Purpose::kDirection);
   const Vec2 u = direction.uniform2();
   const auto sample = phase.sample(wo, u, direction.uniform());
   ray_ = {p, sample.wi, ray_.time};
   beta_ *= sample.weight;
   direction_pdf_ = sample.pdf;
+  if (branch_probability > 0) next_light_share_ = sample.pdf / (sample.pdf + branch_probability * phase.pdf(-to_light, sample.wi));
   if (uses(kRefractedLight)) refraction_.reset();
   note([&] { return DirectionTaken{sample.wi, sample.pdf, beta_}; });
   after_scattering(p);

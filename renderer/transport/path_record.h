@@ -44,6 +44,17 @@ struct MediumScatters {
   double t;
   int medium;
 };
+/// The vertex in a medium may send a branch towards the light, which it does with this probability.
+struct BranchPossible {
+  DVec3 to_light;
+  double probability;
+};
+/// What comes until it ends belongs to the branch.
+struct BranchStarts {
+  DVec3 wi;
+  DVec3 beta;
+};
+struct BranchEnds {};
 struct SurfaceScatters {
   DVec3 p, wo, ng, ns, dpdu;
   int material;
@@ -62,7 +73,7 @@ struct PathSplits {
   uint32_t directions;
 };
 /// One of them: what comes until the next one starts belongs to it.
-struct BranchStarts {
+struct SplitPart {
   DVec3 beta;
 };
 struct LightAdded {
@@ -81,8 +92,8 @@ struct LightAdded {
   DVec3 beta{0}, added{0};
 };
 
-using PathEvent = std::variant<PathStarts, SegmentStarts, SegmentEnds, MediumScatters, SurfaceScatters, DirectionTaken, RouletteSurvived,
-                               PathSplits, BranchStarts, LightAdded>;
+using PathEvent = std::variant<PathStarts, SegmentStarts, SegmentEnds, MediumScatters, BranchPossible, BranchStarts, BranchEnds,
+                               SurfaceScatters, DirectionTaken, RouletteSurvived, PathSplits, SplitPart, LightAdded>;
 using PathRecord = std::vector<PathEvent>;
 
 }  // namespace woodcock

@@ -43,6 +43,9 @@ RenderPlan::RenderPlan(const World& world, const PathSettings& settings)
       kernel(kernel_for(effects, settings).run),
       transmittance(transmittance_options(settings)),
       choose_by(settings.features.has(Feature::kLightTree) ? ChooseBy::kArrival : ChooseBy::kPower),
+      towards_light(settings.plan && settings.features.has(Feature::kMis) && settings.features.has(Feature::kTowardsLight) &&
+                    (effects & kVolumeScattering) != 0 && (effects & (kEquiangular | kVolumeEmission)) == 0),
+      light_roulette(settings.features.has(Feature::kLightRoulette)),
       pieces(settings.features.has(Feature::kRectangleSampling) ? Pieces::kRectangles : Pieces::kTriangles),
       splits(settings.features.has(Feature::kSplitting) ? settings.splits : 1),
       mis(settings.features.has(Feature::kMis)),

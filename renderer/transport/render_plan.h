@@ -18,6 +18,8 @@ struct RenderPlan {
   RadianceFunction kernel;             ///< the smallest one that has all of `effects`
   TransmittanceOptions transmittance;  ///< how transmittances are estimated
   ChooseBy choose_by;                  ///< what lights are chosen by
+  bool towards_light;                  ///< scatterings in media may send branches towards the light
+  bool light_roulette;                 ///< light samples in media that bring little end before their shadow ray
   Pieces pieces;                       ///< that mesh lights are sampled by
   uint32_t splits;                     ///< directions at the first scattering that samples light
   bool mis;                            ///< light found in two ways is weighted; else light samples alone bring what they can find

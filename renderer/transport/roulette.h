@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <numbers>
 
 #include "renderer/core/vec.h"
 
@@ -17,6 +18,16 @@ inline constexpr float kRouletteThreshold = 0.25f;
 /// unbiased ray marching may turn its sign.
 inline float roulette_survival(Rgb beta, float eta_scale, float start = 1) {
   return std::min(1.0f, max_component(glm::abs(beta)) * eta_scale / (kRouletteThreshold * start));
+}
+
+/// Light samples in media whose phase function and throughput come to half of what an even scattering of a fresh path has are traced in any
+/// case.
+inline constexpr float kLightSampleThreshold = 0.5f;
+
+/// The probability with which a light sample at a scattering in a medium is traced, min(1, 4π max |β f| / threshold), f the phase function:
+/// a shadow ray through a volume costs as much as a flight, and most directions of a forward peak bring little.
+inline float light_sample_survival(Rgb beta_f) {
+  return std::min(1.0f, 4 * std::numbers::pi_v<float> * max_component(glm::abs(beta_f)) / kLightSampleThreshold);
 }
 
 }  // namespace woodcock

@@ -10,7 +10,7 @@ namespace woodcock::testing {
 
 /// Which techniques the render uses at all.
 struct Techniques {
-  bool light_sampling = true, equiangular = true, emission_sampling = true, mis = true, refraction = true;
+  bool light_sampling = true, equiangular = true, emission_sampling = true, mis = true, refraction = true, branches = true;
   bool by_power = false;   ///< lights are chosen by power
   bool rectangles = true;  ///< are sampled as such
 
@@ -77,6 +77,10 @@ std::optional<DVec3> scattering_value(const SceneFormulas& scene, const LastVert
 double scattering_tolerance(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi);
 /// Of the direction, by scattering.
 double scattering_pdf(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi);
+/// Of the direction of a branch towards a light: as if light came from there.
+double branch_pdf(const SceneFormulas& scene, const LastVertex& vertex, DVec3 to_light, DVec3 wi);
+/// Of a branch at a vertex that sampled a light there; 0 where the technique is not used. Throws TooNear.
+double branch_probability(const SceneFormulas& scene, const Techniques& techniques, const LastVertex& vertex);
 /// Of the distance t by free flight; where extinction varies, as if it had its mean everywhere.
 double flight_pdf(const MediumFormula& medium, DVec3 share, DVec3 p, double t);
 /// Of the distance towards the light, its choice included; 0 where the technique is not used.

@@ -3,6 +3,10 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "tests/transport/weights/rounding.h"
 
 namespace woodcock::testing {
 namespace {
@@ -10,26 +14,9 @@ namespace {
 constexpr const char* kNames[] = {"scattering",   "environment", "collision",       "segment",
                                   "light sample", "equiangular", "emission sample", "refracted sample"};
 
-/// What float32 makes of a position or direction of unit size, generously.
-constexpr double kNudge = 2e-7;
 constexpr size_t kMostFailures = 8;
 
-double largest(DVec3 v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 std::string text(DVec3 v) { return fmt::format("({:.7g} {:.7g} {:.7g})", v.x, v.y, v.z); }
-
-/// The same path as it might have been rounded otherwise.
-void nudge(int way, LastVertex& v, LightEnd& e) {
-  const DVec3 signs[] = {{1, -1, 1}, {-1, -1, 1}, {1, 1, -1}, {-1, 1, 1}};
-  const auto move = [&](DVec3& p, int k) { p += signs[(way + k) % 4] * (kNudge * std::max(1.0, largest(p))); };
-  move(v.p, 0);
-  move(v.o, 1);
-  move(v.wo, 2);
-  move(v.d, 3);
-  move(v.z, 1);
-  move(e.p, 2);
-  move(e.wi, 3);
-  v.t *= 1 + (way % 2 == 0 ? kNudge : -kNudge);
-}
 
 double chosen(Technique technique, const Densities& d) {
   switch (technique) {
@@ -59,6 +46,9 @@ void CheckReport::add(const CheckReport& o) {
   too_near += o.too_near;
   with_several += o.with_several;
   exact_values += o.exact_values;
+  branches += o.branches;
+  shared += o.shared;
+  light_roulettes += o.light_roulettes;
   steps += o.steps;
   weight_deviation = std::max(weight_deviation, o.weight_deviation);
   sum_deviation = std::max(sum_deviation, o.sum_deviation);
@@ -78,18 +68,19 @@ void PathCheck::check(const PathRecord& record, const std::string& name, CheckRe
   name_ = name;
   report_ = &report;
   static_cast<PathState&>(*this) = {};
-  branches_ = 0;
+  parts_ = 0;
+  fork_.reset();
   for (const PathEvent& event : record) {
     added_ = std::get_if<LightAdded>(&event);
     try {
-      // The branch before may have ended there.
-      if (!std::holds_alternative<RouletteSurvived>(event) && !std::holds_alternative<BranchStarts>(event)) settle_roulette();
+      // The part before may have ended there.
+      if (!std::holds_alternative<RouletteSurvived>(event) && !std::holds_alternative<SplitPart>(event)) settle_roulette();
       std::visit([&](const auto& e) { see(e); }, event);
     } catch (const TooNear&) {
       ++report.too_near;
     }
   }
-  if (directions_ != 1 && branches_ != directions_) fail(fmt::format("{} branches of a path that splits in {}", branches_, directions_));
+  if (directions_ != 1 && parts_ != directions_) fail(fmt::format("{} parts of a path that splits in {}", parts_, directions_));
 }
 
 void PathCheck::fail(const std::string& what) {
@@ -148,6 +139,8 @@ void PathCheck::see(const SegmentEnds& e) {
   ++report_->steps;
   const MediumFormula& medium = scene_.medium(segment_.medium);
   const double length = e.t.value_or(segment_.t_max);
+  // Branches end where their medium does.
+  if (!e.t) next_light_share_ = 1;
   if (!is_closed(medium, segment_.t_max)) {
     // Tracked: the recorded estimate stands for the ratio of value and density.
     for (int c = 0; c < 3; ++c) so_far_.f[c] *= segment_.beta[c] != 0 ? e.beta[c] / segment_.beta[c] : 0;
@@ -178,6 +171,10 @@ void PathCheck::see(const MediumScatters& e) {
   vertex_.t_max = segment_.t_max;
   vertex_.share = share_;
   ++scatterings_;
+  light_share_ = std::exchange(next_light_share_, 1.0);
+  share_slack_ = std::exchange(next_slack_, 0.0);
+  branch_.reset();
+  report_->branches += fork_.has_value();
 }
 
 void PathCheck::see(const SurfaceScatters& e) {
@@ -192,6 +189,9 @@ void PathCheck::see(const SurfaceScatters& e) {
   vertex_.x = glm::dot(along, along) > 0 ? glm::normalize(along) : glm::normalize(glm::cross(vertex_.z, any));
   vertex_.y = glm::cross(vertex_.z, vertex_.x);
   ++scatterings_;
+  light_share_ = next_light_share_ = 1;
+  share_slack_ = next_slack_ = 0;
+  branch_.reset();
 }
 
 void PathCheck::see(const DirectionTaken& e) {
@@ -236,6 +236,17 @@ void PathCheck::see(const DirectionTaken& e) {
       so_far_.p *= pdf;
       so_far_.slack += ratio_allowed;
     }
+    if (branch_) {
+      next_light_share_ = light_share(vertex_, e.wi);
+      next_slack_ = 4e-5;
+      for (int way = 0; way < 4; ++way) {
+        LastVertex v = vertex_;
+        LightEnd end;
+        end.wi = e.wi;
+        nudge(way, v, end);
+        next_slack_ += 2 * std::abs(light_share(v, end.wi) / next_light_share_ - 1);
+      }
+    }
   }
   so_far_.slack += 1e-5;
   compare("the throughput after a scattering", e.beta, so_far_.beta(), so_far_.slack);
@@ -270,10 +281,10 @@ void PathCheck::see(const PathSplits& e) {
   where_it_split_ = *this;
 }
 
-void PathCheck::see(const BranchStarts& e) {
+void PathCheck::see(const SplitPart& e) {
   static_cast<PathState&>(*this) = where_it_split_;
-  ++branches_;
-  compare("the throughput of a branch", e.beta, so_far_.beta(), so_far_.slack);
+  ++parts_;
+  compare("the throughput of a part", e.beta, so_far_.beta(), so_far_.slack);
   recorded_beta_ = e.beta;
 }
 
@@ -479,6 +490,19 @@ void PathCheck::check_value(const LightAdded& e, const LastVertex& vertex, const
     ++report_->exact_values;
     transmittance = way.transmittance;
     slack += 1e-5 * (1 + way.depth);
+  }
+  // What branches find, too.
+  if (e.technique == Technique::kLightSample || e.technique == Technique::kRefractedSample) {
+    report_->shared += light_share_ < 1;
+    value *= light_share_;
+    slack += share_slack_;
+  }
+  if (e.technique == Technique::kLightSample && vertex.kind == LastVertex::Kind::kMedium && has(Feature::kLightRoulette)) {
+    // Traced in any case from 4π β f = ½ on.
+    const double survival = std::min(1.0, 8 * std::numbers::pi * directions_ * largest(so_far_.beta() * *f * light_share_));
+    report_->light_roulettes += survival < 1;
+    value /= survival;
+    slack *= 2;
   }
   compare("the value of a light sample", e.added, so_far_.beta() * value * transmittance * (weight / density), slack,
           &report_->value_deviation);

@@ -18,6 +18,9 @@ struct CheckReport {
   int64_t too_near = 0;                              ///< where rounding decides which techniques there are
   int64_t with_several = 0;                          ///< that more than one technique could have made
   int64_t exact_values = 0;                          ///< recomputed with the transmittance in closed form, too
+  int64_t branches = 0;                              ///< towards lights that scattered
+  int64_t shared = 0;                                ///< light samples that a branch could have made
+  int64_t light_roulettes = 0;                       ///< light samples that survived one
   int64_t steps = 0;                                 ///< segments, directions, roulettes and media of the paths themselves
   double weight_deviation = 0;                       ///< largest difference of a weight
   double sum_deviation = 0;                          ///< largest of |Σ w − 1|, the used weight in place of the function's
@@ -57,6 +60,9 @@ struct PathState {
   uint32_t directions_ = 1;  ///< that the path has split into
   int scatterings_ = 0;
   DVec3 recorded_beta_{1};
+  std::optional<BranchPossible> branch_;      ///< of the last vertex
+  double light_share_ = 1, share_slack_ = 0;  ///< of the last vertex's light samples
+  double next_light_share_ = 1, next_slack_ = 0;
 };
 
 class PathCheck : private PathState {
@@ -66,15 +72,20 @@ class PathCheck : private PathState {
   void check(const PathRecord& record, const std::string& name, CheckReport& report);
 
  private:
+  /// Of the path itself in what light samples at the next vertex find, for a direction from `vertex` that a branch could have had.
+  double light_share(const LastVertex& vertex, DVec3 wi) const;
   void see(const PathStarts& e);
   void see(const SegmentStarts& e);
   void see(const SegmentEnds& e);
   void see(const MediumScatters& e);
+  void see(const BranchPossible& e);
+  void see(const BranchStarts& e);
+  void see(const BranchEnds& e);
   void see(const SurfaceScatters& e);
   void see(const DirectionTaken& e);
   void see(const RouletteSurvived& e);
   void see(const PathSplits& e);
-  void see(const BranchStarts& e);
+  void see(const SplitPart& e);
   void see(const LightAdded& e);
   /// `origin` is the vertex that the techniques to be weighted start from, and `way` what leads from there to the end: `vertex` and `end`
   /// themselves, but for light met after glass refracted a direction.
@@ -105,8 +116,9 @@ class PathCheck : private PathState {
   std::string name_;
   CheckReport* report_ = nullptr;
   const LightAdded* added_ = nullptr;  ///< that is looked at
+  std::optional<PathState> fork_;      ///< where a branch towards a light left the path, while events are those of the branch
   PathState where_it_split_;
-  uint32_t branches_ = 0;  ///< of the split, that have begun
+  uint32_t parts_ = 0;  ///< of the split, that have begun
 };
 
 }  // namespace woodcock::testing

@@ -137,13 +137,15 @@ std::string describe(const CheckReport& r) {
   std::string text = fmt::format(
       "{} contributions ({} met, {} from the surroundings, {} at collisions, {} of segments, {} light samples, {} equiangular, {} samples "
       "of "
-      "emission, {} samples through glass), {} of which several techniques could have made, {} values in closed form, {} steps; {} too "
+      "emission, {} samples through glass), {} of which several techniques could have made, {} values in closed form, {} light samples "
+      "that branches could have made, {} "
+      "vertices of branches, {} light samples after a roulette, {} steps; {} too "
       "near a threshold\n"
       "largest deviations: weight {:.2g}, sum of weights {:.2g}, density {:.2g}, value {:.2g}; {:.2g} of what rounding allows; {} failed, "
       "{} of them weights\n",
       r.total(), r.contributions[0], r.contributions[1], r.contributions[2], r.contributions[3], r.contributions[4], r.contributions[5],
-      r.contributions[6], r.contributions[7], r.with_several, r.exact_values, r.steps, r.too_near, r.weight_deviation, r.sum_deviation,
-      r.density_deviation, r.value_deviation, r.worst, r.failed, r.failed_weights);
+      r.contributions[6], r.contributions[7], r.with_several, r.exact_values, r.shared, r.branches, r.light_roulettes, r.steps, r.too_near,
+      r.weight_deviation, r.sum_deviation, r.density_deviation, r.value_deviation, r.worst, r.failed, r.failed_weights);
   for (const std::string& failure : r.failures) text += failure + "\n";
   return text;
 }
