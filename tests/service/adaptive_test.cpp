@@ -32,12 +32,12 @@ class AdaptiveJobs : public ServiceTest {
 
 TEST_F(AdaptiveJobs, MakeTheBytesOfARenderWithOneTwoAndFiveWorkersAndRenderNothingTwice) {
   start_coordinator();
-  const std::string expected = rendered(scene("16%"));
+  const std::string expected = rendered(scene("11%"));
   const char* tiles[] = {"8", "16", "32"};
   size_t round = 0;
   for (const size_t count : {1, 2, 5}) {
     while (workers_.size() < count) start_worker();
-    std::vector<std::string> arguments = scene("16%");
+    std::vector<std::string> arguments = scene("11%");
     const std::string out = path("image" + std::to_string(round) + ".exr");
     arguments.insert(arguments.begin(), {"submit", "-o", out, "--tile", tiles[round++]});
     const Ended run = woodcock(arguments);
@@ -45,7 +45,7 @@ TEST_F(AdaptiveJobs, MakeTheBytesOfARenderWithOneTwoAndFiveWorkersAndRenderNothi
     EXPECT_THAT(run.out, ::testing::HasSubstr("target reached"));
     EXPECT_TRUE(contents(out) == expected) << count << " workers";
   }
-  const std::string again = submit(scene("16%"));
+  const std::string again = submit(scene("11%"));
   ASSERT_EQ(watch(again), 0);
   EXPECT_EQ(show(again)["progress"]["worker_seconds"], 0);
   EXPECT_GT(show(again)["frames"][0]["adaptive"]["pass"], 2);

@@ -3,45 +3,51 @@
 
 #include <gtest/gtest.h>
 
+#include "renderer/scene/read_scene.h"
 #include "tests/transport/estimate.h"
 
 namespace woodcock::testing {
 namespace {
 
-/// A room whose light comes from a lamp that shines up, or where the camera sees the lit floor and little else.
-std::string room(bool indirect) {
-  const std::string wall = "Material \"diffuse\" \"rgb reflectance\" [ 0.75 0.75 0.75 ]\n";
-  std::string text = perspective({0, 0, 3}, {0, 0, 0}, 40, 8) + "WorldBegin\n" + (indirect ? wall : "") + "AttributeBegin\n";
-  if (indirect) text += "ReverseOrientation\nShape \"sphere\" \"float radius\" 5\n";
-  text +=
-      "AttributeEnd\nAttributeBegin\nAreaLightSource \"diffuse\" \"rgb L\" [ 20 20 20 ]\nMaterial \"diffuse\" \"rgb reflectance\" [ 0 0 0 "
-      "]\n";
-  text += "Translate 0 " + std::string(indirect ? "-3" : "3") + " 0\nRotate 90 1 0 0\n" + (indirect ? "" : "ReverseOrientation\n") +
-          "Shape \"disk\" \"float radius\" 0.4\nAttributeEnd\n";
-  text +=
-      "Material \"diffuse\" \"rgb reflectance\" [ 0.3 0.3 0.3 ]\nAttributeBegin\nTranslate 0 -1 0\nRotate 90 1 0 0\nShape \"disk\" \"float "
-      "radius\" 2\nAttributeEnd\n";
-  return text;
+/// The Cornell box, whose blocks and ceiling see little of the lamp.
+CompiledScene cornell() {
+  const SceneDescription description = read_scene(WOODCOCK_SOURCE_DIR "/scenes/cornell.pbrt", {});
+  CompiledScene scene;
+  scene.world = build_world(description);
+  scene.settings.max_depth = description.settings.max_depth;
+  scene.width = description.film.x_resolution;
+  scene.height = description.film.y_resolution;
+  return scene;
+}
+
+/// A floor under a lamp, and nothing else that light could scatter at.
+CompiledScene floor_under_lamp() {
+  // A disk faces down after this turn.
+  return compile(perspective({0, 0, 3}, {0, 0, 0}, 40, 8) +
+                 "WorldBegin\nAttributeBegin\nTranslate 0 3 0\nRotate 90 1 0 0\nAreaLightSource \"diffuse\" \"rgb L\" [ 20 20 20 ]\n"
+                 "Material \"diffuse\" \"rgb reflectance\" [ 0 0 0 ]\nShape \"disk\" \"float radius\" 0.4\nAttributeEnd\n"
+                 "Material \"diffuse\" \"rgb reflectance\" [ 0.3 0.3 0.3 ]\nAttributeBegin\nTranslate 0 -1 0\nRotate 90 1 0 0\n"
+                 "Shape \"disk\" \"float radius\" 2\nAttributeEnd\n");
 }
 
 TEST(Splitting, IsFoundWhereMostNoiseComesAfterTheFirstScattering) {
-  const CompiledScene indirect = compile(room(true)), direct = compile(room(false));
+  const CompiledScene indirect = cornell(), direct = floor_under_lamp();
   EXPECT_GE(find_splits(*indirect.world, indirect.settings, indirect.width, indirect.height), 2u);
   EXPECT_EQ(find_splits(*direct.world, direct.settings, direct.width, direct.height), 1u);
 }
 
 TEST(Splitting, IsAFunctionOfTheSceneAlone) {
-  const CompiledScene scene = compile(room(true));
-  const uint32_t splits = find_splits(*scene.world, scene.settings, 8, 8);
+  const CompiledScene scene = cornell();
+  const uint32_t splits = find_splits(*scene.world, scene.settings, scene.width, scene.height);
   for (const bool full_kernel : {false, true}) {
     PathSettings settings = scene.settings;
     settings.frame_seed = 12345;
     settings.full_kernel = full_kernel;
-    EXPECT_EQ(find_splits(*scene.world, settings, 8, 8), splits);
+    EXPECT_EQ(find_splits(*scene.world, settings, scene.width, scene.height), splits);
   }
   PathSettings without = scene.settings;
   without.features.take_out(Feature::kSplitting);
-  EXPECT_EQ(find_splits(*scene.world, without, 8, 8), 1u);
+  EXPECT_EQ(find_splits(*scene.world, without, scene.width, scene.height), 1u);
 }
 
 TEST(Splitting, ChangesNoMean) {
@@ -51,8 +57,9 @@ TEST(Splitting, ChangesNoMean) {
       "MakeNamedMedium \"milk\" \"string type\" \"homogeneous\" \"rgb sigma_s\" [ 4 3 2 ] \"rgb sigma_a\" [ 0.1 0.1 0.2 "
       "] \"float g\" 0.6\nMediumInterface \"milk\" \"\"\nMaterial \"dielectric\" \"float eta\" 1.3\n" +
       sphere(1);
-  for (const std::string& text : {room(true), room(false), glass}) {
-    CompiledScene scene = compile(text);
+  for (int which = 0; which < 3; ++which) {
+    CompiledScene scene = which == 0 ? cornell() : which == 1 ? floor_under_lamp() : compile(glass);
+    scene.width = scene.height = 8;
     const Estimate one = estimate(scene, 1 << 16, 1);
     for (const uint32_t splits : {2u, kMostSplits}) {
       scene.settings.splits = splits;
