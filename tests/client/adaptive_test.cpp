@@ -52,29 +52,29 @@ class Adaptive : public ::testing::Test {
 };
 
 TEST_F(Adaptive, TheSameBitsWhateverTilesAndThreads) {
-  const nlohmann::json run = render("a.exr", {"--target-error", "18%", "--threads", "2"});
+  const nlohmann::json run = render("a.exr", {"--target-error", "12%", "--threads", "2"});
   EXPECT_EQ(run["ended_by"], "target");
-  EXPECT_LE(run["error"]["relative_error"], 0.18001);
-  EXPECT_GT(run["error"]["relative_error"], 0.13);
+  EXPECT_LE(run["error"]["relative_error"], 0.12001);
+  EXPECT_GT(run["error"]["relative_error"], 0.085);
   EXPECT_GT(run["error"]["image_mean_half_width"], 0);
   EXPECT_THAT(run["sample_map"]["counts"].get<std::string>(), HasSubstr(","));
   const std::string bytes = bytes_of_frame(folder_ / "a.exr");
   for (const auto& [tile, threads] : {std::pair{"7", "1"}, {"128", "1"}, {"16", "3"}}) {
-    render("b.exr", {"--target-error", "0.18", "--tile", tile, "--threads", threads});
+    render("b.exr", {"--target-error", "0.12", "--tile", tile, "--threads", threads});
     EXPECT_TRUE(bytes_of_frame(folder_ / "b.exr") == bytes) << tile;
   }
   expect_replayed("a.exr");
 }
 
 TEST_F(Adaptive, ResumingAddsOnlyTheDifference) {
-  const nlohmann::json first = render("a.exr", {"--target-error", "25%"});
-  const nlohmann::json more = render("a.exr", {"--target-error", "18%", "--resume"});
+  const nlohmann::json first = render("a.exr", {"--target-error", "17%"});
+  const nlohmann::json more = render("a.exr", {"--target-error", "12%", "--resume"});
   EXPECT_EQ(more["ended_by"], "target");
   EXPECT_EQ(first["new_samples"].get<int64_t>() + more["new_samples"].get<int64_t>(),
             static_cast<int64_t>(more["mean_samples"].get<double>() * 87 * 75 + 0.5));
   EXPECT_EQ(more["counters"]["paths"], more["new_samples"]);
   expect_replayed("a.exr");
-  const nlohmann::json again = render("a.exr", {"--target-error", "18%", "--resume"});
+  const nlohmann::json again = render("a.exr", {"--target-error", "12%", "--resume"});
   EXPECT_EQ(again["new_samples"], 0);
   // Up to one number of samples it becomes a plain frame.
   render("a.exr", {"--spp", "96", "--resume"});
@@ -82,7 +82,7 @@ TEST_F(Adaptive, ResumingAddsOnlyTheDifference) {
   EXPECT_TRUE(bytes_of_frame(folder_ / "a.exr") == bytes_of_frame(folder_ / "plain.exr"));
   // A plain frame is a start as good as any.
   render("plain.exr", {"--spp", "24"});
-  EXPECT_EQ(render("plain.exr", {"--target-error", "18%", "--resume"})["ended_by"], "target");
+  EXPECT_EQ(render("plain.exr", {"--target-error", "12%", "--resume"})["ended_by"], "target");
   expect_replayed("plain.exr");
 }
 
