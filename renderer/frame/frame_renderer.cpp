@@ -92,8 +92,7 @@ FrameRenderer::FrameRenderer(const std::string& scene_path, const FrameSettings&
                        estimator.branching};
   impl_->path.terms = estimator.terms;
   impl_->radiance = estimator.estimator->radiance;
-  if (estimator.estimator->tunable)
-    impl_->path.splits = find_splits(*impl_->world, impl_->path, impl_->header.width, impl_->header.height);
+  if (estimator.estimator->tunable) impl_->path.splits = find_splits(*impl_->world, impl_->path, impl_->header.width, impl_->header.height);
   impl_->low_discrepancy = estimator.estimator->tunable && estimator.features.has(Feature::kSobol);
 }
 

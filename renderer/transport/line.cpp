@@ -139,10 +139,7 @@ class LinePath : public PaperPath<LinePath> {
 }  // namespace
 
 PathResult trace_line(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
-  ++count.paths;
-  PathSample sample{world, plan, count};
-  LinePath(sample, ray, key).follow();
-  return sample.result;
+  return trace_paper_path<LinePath>(world, plan, ray, key, count);
 }
 
 }  // namespace woodcock

@@ -95,21 +95,14 @@ class MarchedPath : public PaperPath<MarchedPath> {
   }
 };
 
-PathResult trace(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count, ScatterDirections directions) {
-  ++count.paths;
-  PathSample sample{world, plan, count};
-  MarchedPath(sample, ray, key, directions).follow();
-  return sample.result;
-}
-
 }  // namespace
 
 PathResult trace_march(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
-  return trace(world, plan, ray, key, count, ScatterDirections::kUniform);
+  return trace_paper_path<MarchedPath>(world, plan, ray, key, count, ScatterDirections::kUniform);
 }
 
 PathResult trace_march_phase(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
-  return trace(world, plan, ray, key, count, ScatterDirections::kPhase);
+  return trace_paper_path<MarchedPath>(world, plan, ray, key, count, ScatterDirections::kPhase);
 }
 
 }  // namespace woodcock

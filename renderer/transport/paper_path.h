@@ -170,4 +170,13 @@ class PaperPath : public PathMachine<kAllEffects, Estimator> {
   const int branching_;
 };
 
+/// A RadianceFunction of the estimator `Path`; `more` is what its constructor takes beside the sample, the ray and the key.
+template <typename Path, typename... More>
+PathResult trace_paper_path(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count, More... more) {
+  ++count.paths;
+  PathSample sample{world, plan, count};
+  Path(sample, ray, key, more...).follow();
+  return sample.result;
+}
+
 }  // namespace woodcock

@@ -269,17 +269,14 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
     if (uses(kEquiangular)) last_flight_.reset();
 
     Stream layered = stream(key_, vertex_, Purpose::kLayered);
-    if (!is_specular(bsdf)) {
-      sample_lights(s.p, [&](Vec3 wi, Scattered& scattered) {
-        const Vec3 local = frame.to_local(wi);
-        const bool transmission = local.z * wo.z < 0;
-        leave(v.hit, wi, v.next, transmission);
-        scattered = {eval_model(bsdf, wo, local, layered), woodcock::pdf(bsdf, wo, local), ray_towards(s, wi),
-                     medium_after_leaving(v, wi, transmission)};
-      });
-    }
-
     if (is_specular(bsdf)) return leave_surface(v, bsdf, frame, wo, layered);
+    sample_lights(s.p, [&](Vec3 wi, Scattered& scattered) {
+      const Vec3 local = frame.to_local(wi);
+      const bool transmission = local.z * wo.z < 0;
+      leave(v.hit, wi, v.next, transmission);
+      scattered = {eval_model(bsdf, wo, local, layered), woodcock::pdf(bsdf, wo, local), ray_towards(s, wi),
+                   medium_after_leaving(v, wi, transmission)};
+    });
     return split([&](PathKernel& part, bool is_path) {
       return part.leave_surface(v, bsdf, frame, wo, is_path ? layered : stream(part.key_, vertex_, Purpose::kLayered));
     });

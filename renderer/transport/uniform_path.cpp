@@ -55,10 +55,7 @@ class UniformPath : public PaperPath<UniformPath> {
 }  // namespace
 
 PathResult trace_uniform_path(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
-  ++count.paths;
-  PathSample sample{world, plan, count};
-  UniformPath(sample, ray, key).follow();
-  return sample.result;
+  return trace_paper_path<UniformPath>(world, plan, ray, key, count);
 }
 
 }  // namespace woodcock

@@ -73,21 +73,14 @@ class WoodcockPath : public PaperPath<WoodcockPath> {
   }
 };
 
-PathResult trace(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count, ScatterDirections directions) {
-  ++count.paths;
-  PathSample sample{world, plan, count};
-  WoodcockPath(sample, ray, key, directions).follow();
-  return sample.result;
-}
-
 }  // namespace
 
 PathResult trace_woodcock(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
-  return trace(world, plan, ray, key, count, ScatterDirections::kUniform);
+  return trace_paper_path<WoodcockPath>(world, plan, ray, key, count, ScatterDirections::kUniform);
 }
 
 PathResult trace_woodcock_phase(const World& world, const RenderPlan& plan, Ray ray, PathKey key, PathCounters& count) {
-  return trace(world, plan, ray, key, count, ScatterDirections::kPhase);
+  return trace_paper_path<WoodcockPath>(world, plan, ray, key, count, ScatterDirections::kPhase);
 }
 
 }  // namespace woodcock

@@ -270,24 +270,6 @@ void PathCheck::settle_roulette() {
   roulette_due_ = false;
 }
 
-void PathCheck::see(const PathSplits& e) {
-  if (directions_ != 1) fail("a path splits again");
-  const uint32_t expected = has(Feature::kSplitting) ? settings_.splits : 1;
-  if (e.directions != expected) fail(fmt::format("a path splits in {}, expected {}", e.directions, expected));
-  if (vertex_.kind == LastVertex::Kind::kSurface && is_delta(scene_.material(vertex_.material)))
-    fail("a path splits where no light is sampled");
-  directions_ = e.directions;
-  so_far_.p *= e.directions;
-  where_it_split_ = *this;
-}
-
-void PathCheck::see(const SplitPart& e) {
-  static_cast<PathState&>(*this) = where_it_split_;
-  ++parts_;
-  compare("the throughput of a part", e.beta, so_far_.beta(), so_far_.slack);
-  recorded_beta_ = e.beta;
-}
-
 // --- what it adds ----------------------------------------------------------------------------------------
 
 void PathCheck::see(const LightAdded& e) {

@@ -1,4 +1,6 @@
-// Branches towards a light: where they leave a path, and what light samples of both share.
+// Branches towards a light: where they leave a path, and what light samples of both share; and paths that split.
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "tests/transport/weights/path_check.h"
@@ -43,6 +45,24 @@ void PathCheck::see(const BranchStarts& e) {
 void PathCheck::see(const BranchEnds&) {
   static_cast<PathState&>(*this) = *fork_;
   fork_.reset();
+}
+
+void PathCheck::see(const PathSplits& e) {
+  if (directions_ != 1) fail("a path splits again");
+  const uint32_t expected = has(Feature::kSplitting) ? settings_.splits : 1;
+  if (e.directions != expected) fail(fmt::format("a path splits in {}, expected {}", e.directions, expected));
+  if (vertex_.kind == LastVertex::Kind::kSurface && is_delta(scene_.material(vertex_.material)))
+    fail("a path splits where no light is sampled");
+  directions_ = e.directions;
+  so_far_.p *= e.directions;
+  where_it_split_ = *this;
+}
+
+void PathCheck::see(const SplitPart& e) {
+  static_cast<PathState&>(*this) = where_it_split_;
+  ++parts_;
+  compare("the throughput of a part", e.beta, so_far_.beta(), so_far_.slack);
+  recorded_beta_ = e.beta;
 }
 
 }  // namespace woodcock::testing
