@@ -78,7 +78,7 @@ Samples render_samples(const std::string& text, const Rendering& rendering, uint
   path.full_kernel = rendering.full_kernel;
   path.plan = rendering.plan;
   // As many directions as a pilot might find: any number must come out right.
-  path.splits = 1 + static_cast<uint32_t>(seed % kMostSplits);
+  path.splits = 1u << seed % 4;
   const RenderPlan plan(*world, path);
   const bool low_discrepancy = estimator.estimator->tunable && estimator.features.has(Feature::kSobol);
   PathCounters& count = samples.counters;

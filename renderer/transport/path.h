@@ -25,7 +25,7 @@ struct PaperSettings {
   int branching = 1;   ///< directions at the first bounce
 };
 
-inline constexpr uint32_t kMostSplits = 4;
+inline constexpr uint32_t kMostSplits = 8;  ///< a power of two
 
 /// What a user asks for; a RenderPlan (render_plan.h) is what becomes of it in a scene.
 struct PathSettings {

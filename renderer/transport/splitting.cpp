@@ -12,16 +12,16 @@ namespace {
 
 constexpr uint64_t kPilotSeed = 0x70696c6f74ULL;
 constexpr uint32_t kPixels = 96, kFewestPixels = 16;
-/// Of each pixel: four of each replicate, since evenly spread numbers take noise from what is found first.
-constexpr int kSamples = 4 * kReplicates;
+/// Of each pixel: eight of each replicate, since evenly spread numbers take noise from what is found first.
+constexpr int kSamples = 8 * kReplicates;
 /// Later scatterings of a path have little to say in this, and may be a million.
 constexpr int kMostDepth = 100;
 /// In units of a ray.
-constexpr double kMostWork = 1e5;
+constexpr double kMostWork = 3e5;
 /// Gains below this may be noise of the pilot.
 constexpr double kLeastGain = 0.93;
 /// Of the variance, what is found before the split has at least this share: the pilot cannot tell less from nothing.
-constexpr double kLeastBefore = 0.1;
+constexpr double kLeastBefore = 0.02;
 
 /// What was done, about as long as it takes; a ray is one.
 double work(const PathCounters& count) {
@@ -88,7 +88,8 @@ uint32_t find_splits(const World& world, const PathSettings& settings, int width
                cost_before = work(count_of_one) - cost_of_direction;
   const auto product = [&](double n) { return (before + of_directions / n) * (cost_before + n * cost_of_direction); };
   uint32_t best = 1;
-  for (uint32_t n = 2; n <= kMostSplits; ++n)
+  // Powers of two only: other numbers of Sobol points are not spread as evenly.
+  for (uint32_t n = 2; n <= kMostSplits; n *= 2)
     if (product(n) < (best == 1 ? kLeastGain * product(1) : product(best))) best = n;
   return best;
 }

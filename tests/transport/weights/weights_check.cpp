@@ -67,7 +67,7 @@ PathSettings path_settings(const RandomSettings& random, uint64_t seed) {
   settings.frame_seed = frame_seed(seed, 0);
   settings.features = random.features;
   settings.plan = random.plan;
-  settings.splits = 1 + static_cast<uint32_t>(seed % kMostSplits);
+  settings.splits = 1u << seed % 4;
   return settings;
 }
 
