@@ -9,14 +9,15 @@ namespace {
 
 constexpr double kPi64 = std::numbers::pi;
 
-/// asin(c sin t), 0 ≤ c ≤ 1, and its derivative by t.
-struct Term {
-  double value, slope;
+/// Of the angle asin(c sin t), 0 ≤ c ≤ 1: its sine, its cosine, and its derivative by t.
+struct Angle {
+  double sine, cosine, slope;
+  double value() const { return std::atan2(sine, cosine); }
 };
-Term term(double c, double sin_t, double cos_t) {
+Angle angle(double c, double sin_t, double cos_t) {
   const double s = c * sin_t, root = std::sqrt((1 - s) * (1 + s));
   // For c = 1 this is |cos t|, and the slope ±1 up to rounding.
-  return {std::atan2(s, root), root > 0 ? c * cos_t / root : 1};
+  return {s, root, root > 0 ? c * cos_t / root : 1};
 }
 
 /// H as a function of t on one branch. Up to the angle of total reflection t is the angle of the refracted ray (sin t = ηa sin u), so that
@@ -33,17 +34,23 @@ class Arrival {
 
   bool reflects() const { return reflects_; }
 
+  /// A way: sines and cosines alone.
+  struct Way {
+    double slope;                     ///< dH/dt
+    double sin_u, du;                 ///< du: du/dt
+    double cos_azimuth, sin_azimuth;  ///< of v
+    double cos_i, cos_t, cos_y;
+  };
+  Way near_way(double t) const { return way(t, reflects_ ? 1 : 0); }
+  Way far_way(double t) const { return way(t, -1); }
+
   struct Value {
     double h, slope;
-    double sin_u, du, azimuth;  ///< of v
-    double sin_i, sin_t, sin_y;
   };
-  Value near(double t) const { return at(t, reflects_ ? 1 : 0); }
-  /// near(t).h − ψ and its slope, for |h − ψ| ≤ π: the sum of the angles by products of e^(iα), with one arcus for all.
-  struct Offset {
-    double h, slope;
-  };
-  Offset near_offset(double t, double cos_psi, double sin_psi) const {
+  double near_end() const { return value(kPi64 / 2, reflects_ ? 1 : 0).h; }
+  /// A function that is zero where near's H is ψ, for |H − ψ| ≤ π, and its slope: H − ψ, or its tangent where that is small. The sum of the
+  /// angles by products of e^(iα).
+  Value near_offset(double t, double cos_psi, double sin_psi) const {
     const double s = std::sin(t), c = std::cos(t);
     double re = c * cos_psi + s * sin_psi, im = s * cos_psi - c * sin_psi, slope = 1;
     const auto turn = [&](double factor, double sign) {
@@ -55,11 +62,13 @@ class Arrival {
     turn(reflects_ ? u_ : t_, 1);
     turn(i_, -1);
     turn(y_, -1);
-    return {std::atan2(im, re), slope};
+    if (!(re > std::abs(im))) return {std::atan2(im, re), slope};
+    const double tangent = im / re;
+    return {tangent, slope * (1 + tangent * tangent)};
   }
 
   /// u = π − asin(sin t / ηa), with t from 0 (u = π) to π/2 (total reflection).
-  Value far(double t) const { return at(t, -1); }
+  Value far(double t) const { return value(t, -1); }
 
   /// Where far(t) has its minimum; 0 where it has none. With w = cos t the slope has the sign of 1 − Σ c w/√(1 − c² + c² w²), which is
   /// convex and falls from 1 at w = 0: Newton's steps from there come nearer and never pass the zero.
@@ -82,21 +91,35 @@ class Arrival {
   }
 
  private:
-  /// `way`: 0 where u = t, else the sign of du/dt.
-  Value at(double t, int way) const {
+  struct Angles {
+    Angle u, i, o, y;
+    double slope() const { return u.slope - i.slope + o.slope - y.slope; }
+  };
+  /// `side`: 0 where u = t, else the sign of du/dt.
+  Angles angles(double t, int side) const {
     const double s = std::sin(t), c = std::cos(t);
-    Term u{t, 1};
-    if (way != 0) u = term(u_, s, c);
-    if (way < 0) u = {kPi64 - u.value, -u.slope};
-    const Term i = term(i_, s, c), o = reflects_ ? Term{t, 1} : term(t_, s, c), y = term(y_, s, c);
-    return {u.value - i.value + o.value - y.value,
-            u.slope - i.slope + o.slope - y.slope,
-            u_ * s,
-            u.slope,
-            u.value - i.value,
-            i_ * s,
-            t_ * s,
-            y_ * s};
+    const Angle itself{s, c, 1};
+    Angles all{side == 0 ? itself : angle(u_, s, c), angle(i_, s, c), reflects_ ? itself : angle(t_, s, c), angle(y_, s, c)};
+    if (side < 0) {
+      all.u.cosine = -all.u.cosine;
+      all.u.slope = -all.u.slope;
+    }
+    return all;
+  }
+  Value value(double t, int side) const {
+    const Angles a = angles(t, side);
+    return {a.u.value() - a.i.value() + a.o.value() - a.y.value(), a.slope()};
+  }
+  Way way(double t, int side) const {
+    const Angles a = angles(t, side);
+    return {a.slope(),
+            a.u.sine,
+            a.u.slope,
+            a.u.cosine * a.i.cosine + a.u.sine * a.i.sine,
+            a.u.sine * a.i.cosine - a.u.cosine * a.i.sine,
+            a.i.cosine,
+            a.o.cosine,
+            a.y.cosine};
   }
 
   bool reflects_;
@@ -133,7 +156,9 @@ RefractedWays refracted_ways(const Sphere& sphere, double eta, DVec3 x, DVec3 y,
   // The plane of the way: `axis` through x, `across` on the side of y.
   const DVec3 axis = a > 1e-12 ? from / a : to / b;
   const DVec3 normal = glm::cross(axis, to);
-  const double sine = glm::length(normal), psi = a > 1e-12 ? std::atan2(sine, glm::dot(axis, to)) : 0;
+  const bool on_axis = !(a > 1e-12);
+  const double sin_psi = on_axis ? 0 : glm::length(normal) / b, cos_psi = on_axis ? 1 : glm::dot(axis, to) / b;
+  const double psi = std::atan2(sin_psi, cos_psi);
   DVec3 across = glm::cross(normal, axis);
   if (const double length = glm::length(across); length > 0)
     across /= length;
@@ -141,41 +166,39 @@ RefractedWays refracted_ways(const Sphere& sphere, double eta, DVec3 x, DVec3 y,
     across = glm::normalize(glm::cross(axis, std::abs(axis.x) < 0.5 ? DVec3(1, 0, 0) : DVec3(0, 1, 0)));
 
   const Arrival arrival(eta, a, b);
-  const double cos_psi = std::cos(psi), sin_psi = std::sin(psi);
-  const auto add = [&](const Arrival::Value& value, double side) {
+  const auto add = [&](const Arrival::Way& found, double side) {
     if (result.count == RefractedWays::kCapacity) return;
     RefractedWay way;
-    const DVec3 n = std::cos(value.azimuth) * axis + side * std::sin(value.azimuth) * across;
+    const DVec3 n = found.cos_azimuth * axis + side * found.sin_azimuth * across;
     way.v = sphere.center + r * n;
     way.wi = glm::normalize(n - from);
     way.wo = glm::normalize(to - n);
-    const auto cosine = [](double s) { return std::sqrt((1 - s) * (1 + s)); };
-    way.cos_i = cosine(value.sin_i);
-    way.cos_t = cosine(value.sin_t);
+    way.cos_i = found.cos_i;
+    way.cos_t = found.cos_t;
     // du/dH, and sin u over sin ψ, which on the axis has the same limit.
-    const double rate = std::abs(value.du / value.slope);
-    const double ring = value.sin_u < 1e-7 && sin_psi < 1e-5 ? rate : value.sin_u / sin_psi;
-    way.solid_angle_per_area = ring * rate / (b * b * cosine(value.sin_y) * r * r);
+    const double rate = std::abs(found.du / found.slope);
+    const double ring = found.sin_u < 1e-7 && sin_psi < 1e-5 ? rate : found.sin_u / sin_psi;
+    way.solid_angle_per_area = ring * rate / (b * b * found.cos_y * r * r);
     if (glm::dot(way.wo, n) > 0) result.ways[result.count++] = way;
   };
-  const auto near = [&](double t) { return arrival.near(t); };
   const auto near_offset = [&](double t) { return arrival.near_offset(t, cos_psi, sin_psi); };
   const auto far = [&](double t) { return arrival.far(t); };
   if (!arrival.reflects()) {
-    add(near(root(near_offset, 0, kPi64, true, psi, 0)), 1);
+    add(arrival.near_way(root(near_offset, 0, kPi64, true, psi, 0)), 1);
     return result;
   }
   constexpr double kHalf = kPi64 / 2;
-  if (const double last = near(kHalf).h; psi <= last) add(near(root(near_offset, 0, kHalf, true, kHalf * (psi / last), 0)), 1);
+  if (const double last = arrival.near_end(); psi <= last)
+    add(arrival.near_way(root(near_offset, 0, kHalf, true, kHalf * (psi / last), 0)), 1);
   // On the far side sin u ≤ 1/(ηa) and cos u < 0, so that no way is shorter than this.
   const double across_all = std::sqrt((1 - 1 / eta) * (1 + 1 / eta)) + std::sqrt((a - 1 / eta) * (a + 1 / eta));
   if (across_all * r > longest) return result;
   const double lowest = arrival.minimum(), least = lowest > 0 ? far(lowest).h : kPi64, last = far(kHalf).h;
   const auto middle = [](double lo, double hi) { return 0.5 * (lo + hi); };
-  if (lowest > 0 && psi >= least) add(far(root(far, 0, lowest, false, middle(0, lowest), psi)), 1);
-  if (psi >= least && psi <= last) add(far(root(far, lowest, kHalf, true, middle(lowest, kHalf), psi)), 1);
+  if (lowest > 0 && psi >= least) add(arrival.far_way(root(far, 0, lowest, false, middle(0, lowest), psi)), 1);
+  if (psi >= least && psi <= last) add(arrival.far_way(root(far, lowest, kHalf, true, middle(lowest, kHalf), psi)), 1);
   const double other = 2 * kPi64 - psi;
-  if (other <= last) add(far(root(far, lowest, kHalf, true, middle(lowest, kHalf), other)), -1);
+  if (other <= last) add(arrival.far_way(root(far, lowest, kHalf, true, middle(lowest, kHalf), other)), -1);
   return result;
 }
 
