@@ -111,8 +111,33 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
 
   // --- media ---------------------------------------------------------------------------------------------
 
+  /// Inside a ball of glass that holds a homogeneous medium and nothing else the free flight is drawn first: where it ends inside, there
+  /// is no hit to look for.
+  std::optional<Hit> find_hit() {
+    drawn_.reset();
+    no_hit_until_ = kInf;
+    if (uses(kRefractedLight) && uses(kHomogeneousMedia) && medium_ != kNone) {
+      const DielectricSphere* body = world_.dielectric_around(ray_.o);
+      if (body != nullptr && body->is_empty && draws_before_hit(world_.media[medium_])) {
+        drawn_ = draw_flight(world_.media[medium_].homogeneous(), is_chromatic(world_.media[medium_]));
+        if (body->holds(ray_.o) && body->holds(ray_.at(drawn_->t))) {
+          no_hit_until_ = std::nextafter(drawn_->t, static_cast<double>(kInf));
+          return std::nullopt;
+        }
+      }
+    }
+    return Base::find_hit();
+  }
+
+  /// Whether nothing but the free flight asks where the segment ends.
+  bool draws_before_hit(const Medium& medium) const {
+    return medium.is_homogeneous() && plan_.transmittance.closed_forms && has_closed_forms(medium.homogeneous()) &&
+           uses(kVolumeScattering) && medium.scatters() && may_scatter() && !(uses(kVolumeEmission) && medium.emits()) &&
+           !(uses(kEquiangular) && vertex_ < kEquiangularVertices);
+  }
+
   FlightEnd cross_medium(const std::optional<Hit>& hit) {
-    const auto t = fly(hit ? hit->t : static_cast<double>(kInf));
+    const auto t = fly(hit ? hit->t : no_hit_until_);
     if (ended_) return FlightEnd::kOver;
     note([&] { return SegmentEnds{t, beta_}; });
     if (!t) {
@@ -141,6 +166,17 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   }
 
   bool is_chromatic(const Medium& medium) const { return uses(kChromaticExtinction) && !(plan_.transmittance.grey && medium.is_grey()); }
+
+  /// The distance of a free flight in a homogeneous medium, and the channel that it was drawn for.
+  struct FreeFlight {
+    double t;
+    int channel;
+  };
+  FreeFlight draw_flight(const MediumPoint& m, bool chromatic) {
+    const int channel = chromatic ? choose_channel(shares()) : 0;
+    const float sigma = m.sigma_t[channel];
+    return {sigma > 0 ? static_cast<double>(flight_.exponential()) / static_cast<double>(sigma) : static_cast<double>(kInf), channel};
+  }
 
   /// Closed forms. Emission of the whole segment: ∫₀ᵗ exp(−σt s) σa Le ds.
   std::optional<double> fly_homogeneous(const MediumPoint& m, bool chromatic, double t_max);
@@ -479,6 +515,8 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   std::optional<Vec3> light_direction_;  ///< of the light sample at the last vertex
   /// Of the path itself in what light samples at the next vertex find, beside branches from the last; 1 once it has left the medium.
   float next_light_share_ = 1;
+  std::optional<FreeFlight> drawn_;       ///< through the segment to come, if its hit was not needed for it
+  double no_hit_until_ = kInf;            ///< how far nothing is in the way of the segment, where no hit was looked for
   std::optional<Refraction> refraction_;  ///< that led to the last vertex, after a scattering that sampled lights
   bool ended_ = false;                    ///< in the segment that is crossed
 

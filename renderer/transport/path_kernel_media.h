@@ -27,18 +27,15 @@ std::optional<double> PathKernel<kMask>::fly_homogeneous(const MediumPoint& m, b
     ended_ = is_black(beta_);
     return std::nullopt;
   }
+  const auto [t, hero] = drawn_ ? *std::exchange(drawn_, std::nullopt) : draw_flight(m, chromatic);
+  const bool through = t >= t_max;
   if (!chromatic) {
-    const double t = static_cast<double>(flight_.exponential()) / static_cast<double>(m.sigma_t.x);
-    if (t >= t_max) return std::nullopt;
+    if (through) return std::nullopt;
     beta_ *= m.sigma_s / m.sigma_t.x;
     return t;
   }
   const Rgb share = shares();
-  const int hero = choose_channel(share);
   const float hero_sigma = m.sigma_t[hero];
-  const double t =
-      hero_sigma > 0 ? static_cast<double>(flight_.exponential()) / static_cast<double>(hero_sigma) : static_cast<double>(kInf);
-  const bool through = t >= t_max;
   // Transmittances relative to the hero's: exp(−(σt − σt_hero) t), formed in the exponent so that the ratio of two
   // numbers too small for a float is right.
   Rgb relative{1};

@@ -29,8 +29,8 @@ void PathKernel<kMask>::branch_towards_light(const PhaseMix& phase, Vec3 wo, DVe
   begin_segment();
   note([&] { return BranchStarts{sample.wi, beta_}; });
   ++count_.rays;
-  const auto hit = world_.geometry.intersect(ray_, kInf);
-  const auto t = fly(hit ? hit->t : static_cast<double>(kInf));
+  const auto hit = find_hit();
+  const auto t = fly(hit ? hit->t : no_hit_until_);
   if (!ended_) note([&] { return SegmentEnds{t, beta_}; });
   if (t && !ended_) {
     const DVec3 at = point_before(world_, ray_, *t, hit, uses(kTouching));

@@ -36,6 +36,7 @@ struct SurfaceVertex {
 ///
 /// `Estimator` derives from this and gives
 ///   FlightEnd cross_medium(const std::optional<Hit>& hit)   through the medium of the path, to the hit that ends the segment
+///   std::optional<Hit> find_hit()                           that hit; one that the path scatters before need not be found
 ///   bool scatter_at_surface(const SurfaceVertex&, Model)    false where the path ends; `Model` is Bsdf, or DiffuseBsdf where the effects
 ///                                                           have nothing else
 ///   void add_emission(const Hit&, const SurfacePoint&, int light)
@@ -76,7 +77,7 @@ class PathMachine {
         coincident_.reset();
       }
       ++count_.rays;
-      const auto hit = world_.geometry.intersect(ray_, kInf);
+      const auto hit = estimator().find_hit();
       if (uses(kMedia) && medium_ != kNone) {
         const FlightEnd end = estimator().cross_medium(hit);
         if (end == FlightEnd::kOver) return;
@@ -94,6 +95,8 @@ class PathMachine {
       if (vertex_ != vertex_before) crossings = 0;
     }
   }
+
+  std::optional<Hit> find_hit() { return world_.geometry.intersect(ray_, kInf); }
 
   static constexpr uint32_t kMedia = kHomogeneousMedia | kHeterogeneousMedia;
   /// Surfaces that something may pass; coincident hits matter only for these.

@@ -19,6 +19,12 @@ struct DielectricSphere {
   float eta = 1;         ///< index inside over that outside
   bool flip = false;     ///< the shape's normal points inwards
   bool is_empty = true;  ///< nothing but a medium is inside
+
+  /// Whether the point is inside by more than the rounding that `is_empty` allows for.
+  bool holds(DVec3 p) const {
+    const double r = sphere.radius * (1 - 2e-6);
+    return length_squared(p - sphere.center) < r * r;
+  }
 };
 
 /// More than this many are left to chance, since each scattering looks at all.
