@@ -47,7 +47,13 @@ class Arrival {
   struct Value {
     double h, slope;
   };
-  double near_end() const { return value(kPi64 / 2, reflects_ ? 1 : 0).h; }
+  /// The cosine of H where total reflection begins, the end of the near side. H is between 0 and π there.
+  double cos_near_end() const {
+    const Way last = near_way(kPi64 / 2);
+    // H = azimuth + π/2 − asin(sin y).
+    const double sin_y = std::sqrt((1 - last.cos_y) * (1 + last.cos_y));
+    return last.cos_azimuth * sin_y - last.sin_azimuth * last.cos_y;
+  }
   /// A function that is zero where near's H is ψ, for |H − ψ| ≤ π, and its slope: H − ψ, or its tangent where that is small. The sum of the
   /// angles by products of e^(iα).
   Value near_offset(double t, double cos_psi, double sin_psi) const {
@@ -158,7 +164,6 @@ RefractedWays refracted_ways(const Sphere& sphere, double eta, DVec3 x, DVec3 y,
   const DVec3 normal = glm::cross(axis, to);
   const bool on_axis = !(a > 1e-12);
   const double sin_psi = on_axis ? 0 : glm::length(normal) / b, cos_psi = on_axis ? 1 : glm::dot(axis, to) / b;
-  const double psi = std::atan2(sin_psi, cos_psi);
   DVec3 across = glm::cross(normal, axis);
   if (const double length = glm::length(across); length > 0)
     across /= length;
@@ -184,15 +189,19 @@ RefractedWays refracted_ways(const Sphere& sphere, double eta, DVec3 x, DVec3 y,
   const auto near_offset = [&](double t) { return arrival.near_offset(t, cos_psi, sin_psi); };
   const auto far = [&](double t) { return arrival.far(t); };
   if (!arrival.reflects()) {
-    add(arrival.near_way(root(near_offset, 0, kPi64, true, psi, 0)), 1);
+    add(arrival.near_way(root(near_offset, 0, kPi64, true, std::atan2(sin_psi, cos_psi), 0)), 1);
     return result;
   }
   constexpr double kHalf = kPi64 / 2;
-  if (const double last = arrival.near_end(); psi <= last)
-    add(arrival.near_way(root(near_offset, 0, kHalf, true, kHalf * (psi / last), 0)), 1);
+  if (const double cos_last = arrival.cos_near_end(); cos_psi >= cos_last) {
+    // The share of ψ in the angle at the end, by chords.
+    const double share = std::sqrt((1 - cos_psi) / (1 - cos_last));
+    add(arrival.near_way(root(near_offset, 0, kHalf, true, kHalf * share, 0)), 1);
+  }
   // On the far side sin u ≤ 1/(ηa) and cos u < 0, so that no way is shorter than this.
   const double across_all = std::sqrt((1 - 1 / eta) * (1 + 1 / eta)) + std::sqrt((a - 1 / eta) * (a + 1 / eta));
   if (across_all * r > longest) return result;
+  const double psi = std::atan2(sin_psi, cos_psi);
   const double lowest = arrival.minimum(), least = lowest > 0 ? far(lowest).h : kPi64, last = far(kHalf).h;
   const auto middle = [](double lo, double hi) { return 0.5 * (lo + hi); };
   if (lowest > 0 && psi >= least) add(arrival.far_way(root(far, 0, lowest, false, middle(0, lowest), psi)), 1);
