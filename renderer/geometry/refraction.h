@@ -30,7 +30,8 @@ struct RefractedWays {
   static constexpr size_t kCapacity = 4;
   std::array<RefractedWay, kCapacity> ways{};
   size_t count = 0;
-  std::span<const RefractedWay> all() const { return {ways.data(), count}; }
+  std::span<const RefractedWay> all() const& { return {ways.data(), count}; }
+  void all() const&& = delete;  ///< a span must not outlive its ways
 };
 
 /// The ways from x inside of the sphere to y outside. `eta` is the index inside over that outside. Ways that are longer inside than

@@ -76,7 +76,8 @@ class Junction {
   bool overflowed() const { return overflowed_; }
 
  private:
-  std::span<const Member> members() const { return {members_.data(), count_}; }
+  std::span<const Member> members() const& { return {members_.data(), count_}; }
+  void members() const&& = delete;  ///< a span must not outlive its set
   const SurfaceInfo& info(const Member& m) const { return (*surfaces_)[static_cast<size_t>(m.hit.shape)]; }
   static bool is_crossed_by(const Member& m, DVec3 w) { return !m.repeats && (glm::dot(w, DVec3(m.s.ng)) > 0) != m.outside; }
   bool is_surely_before(const Member& a, const Member& b, DVec3 w) const;

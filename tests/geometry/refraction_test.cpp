@@ -141,7 +141,8 @@ TEST(Refraction, SolidAngleOverAreaIsThatOfABundleOfRays) {
   int64_t compared = 0;
   for (uint64_t i = 0; i < 20000; ++i) {
     const Case c = random_case(4 * i);
-    for (const RefractedWay& way : refracted_ways(c.sphere, c.eta, c.x, c.y).all()) {
+    const RefractedWays ways = refracted_ways(c.sphere, c.eta, c.x, c.y);
+    for (const RefractedWay& way : ways.all()) {
       // Differences over an angle h, where they are no larger than the bundle itself.
       if (way.cos_t < 0.1) continue;
       const double h = 1e-5;
