@@ -73,8 +73,17 @@ Coordinator::Completions Coordinator::pump() {
   Completions completions;
   // Answers may lease and so make new actions, which change what other held calls are told.
   for (std::vector<Action> actions = scheduler_->take_actions();;) {
-    for (const Action& action : actions) carry_out(action);
-    for (auto it = held_.begin(); it != held_.end();) it = try_answer(it->first, it->second, completions) ? held_.erase(it) : std::next(it);
+    for (const Action& action : actions)
+      if (const auto error = rpc::failure_of([&] { carry_out(action); })) spdlog::error("carrying out a decision failed: {}", *error);
+    for (auto it = held_.begin(); it != held_.end();) {
+      bool answered = false;
+      if (const auto error = rpc::failure_of([&] { answered = try_answer(it->first, it->second, completions); })) {
+        spdlog::error("no answer for worker {}: {}", it->first, *error);
+        completions.push_back([done = it->second.done, error] { done({rpc::Code::kInternal, *error}, {}); });
+        answered = true;
+      }
+      it = answered ? held_.erase(it) : std::next(it);
+    }
     actions = scheduler_->take_actions();
     if (actions.empty()) break;
   }
@@ -209,7 +218,7 @@ size_t Coordinator::sweep() {
       return 0;
     }
   }
-  return blobs_.sweep(referenced, options_.now());
+  return blobs_.sweep(referenced, options_.now(), [](const std::string& warning) { spdlog::warn("clean-up: {}", warning); });
 }
 
 void Coordinator::run_ticker() {
@@ -221,8 +230,7 @@ void Coordinator::run_ticker() {
     if (stopping_) return;
     lock.unlock();
     const Time now = options_.now();
-    if (now >= next_second) {
-      next_second = now + kSecond;
+    const auto every_second = [&] {
       const std::string found = blobs_.shortage();
       if (found != shortage) spdlog::warn("{}", found.empty() ? "there is room on the disk again" : found);
       shortage = found;
@@ -231,12 +239,20 @@ void Coordinator::run_ticker() {
         scheduler_->tick(now);
         ++changes_;
       });
-    } else {
-      locked([] {});  // deadlines of held calls
+    };
+    const auto clean_up = [&] {
+      if (const size_t removed = sweep(); removed > 0) spdlog::info("clean-up removed {} files", removed);
+    };
+    const auto answer_overdue = [&] { locked([] {}); };
+    if (now >= next_second) {
+      next_second = now + kSecond;
+      if (const auto error = rpc::failure_of(every_second)) spdlog::error("the tick failed: {}", *error);
+    } else if (const auto error = rpc::failure_of(answer_overdue)) {
+      spdlog::error("the tick failed: {}", *error);
     }
     if (now >= next_sweep) {
       next_sweep = now + 600 * kSecond;
-      if (const size_t removed = sweep(); removed > 0) spdlog::info("clean-up removed {} files", removed);
+      if (const auto error = rpc::failure_of(clean_up)) spdlog::error("the clean-up failed: {}", *error);
     }
     lock.lock();
   }

@@ -96,6 +96,7 @@ class Coordinator {
     int frame = 0;
     int attempts = 0;
     Time not_before = 0;
+    uint64_t revision = 0;  ///< of the frame when its merge began
   };
   using Completions = std::vector<std::function<void()>>;
 
@@ -111,7 +112,12 @@ class Coordinator {
   AssembleRequest assemble_request(const Job& job, const Frame& frame, std::vector<TaskRef>& tasks) const;
   std::vector<TaskRef> damaged_tiles(const std::vector<TaskRef>& tasks, const std::vector<std::string>& paths) const;
   void reopen(const std::vector<TaskRef>& tasks, const std::string& reason, bool refused_by_merge);
-  void assemble_one(const AssembleJob& job);
+  void assemble_one(AssembleJob& job);
+  /// mutex_ held. Whether the frame was extended, reopened or ended since its merge began.
+  bool is_stale(const AssembleJob& job) const;
+  void merge_failed(const AssembleJob& job, const std::string& error);
+  /// Throws RpcError kUnavailable, and has the image merged again, when its file is damaged.
+  void check_image(const std::string& job, int frame, const std::string& digest);
   void run_assembler();
   void run_ticker();
 

@@ -1,4 +1,6 @@
 // Sync: a worker's report in, what it must be told out, held until there is something.
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 
 #include "coordinator/coordinator.h"
@@ -31,7 +33,8 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
   held.deadline = now + hold;
   SyncDone superseded, refused;
   rpc::Outcome refusal;
-  const uint64_t token = locked([&]() -> uint64_t {
+  uint64_t token = 0;
+  const auto take_in = [&]() -> uint64_t {
     const ReportStatus status = stopping_ ? ReportStatus::Accepted : scheduler_->report(report, now);
     if (stopping_) {
       refusal = {rpc::Code::kUnavailable, "the coordinator is stopping; go on rendering and try again"};
@@ -53,7 +56,12 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
     }
     held_.emplace(report.worker_id, std::move(held));
     return result;
-  });
+  };
+  if (const auto error = rpc::failure_of([&] { token = locked(take_in); })) {
+    spdlog::error("the report of worker {} cannot be taken in: {}", report.worker_id, *error);
+    if (held.done) held.done({rpc::Code::kInternal, *error}, {});
+    return 0;
+  }
   if (superseded) superseded({rpc::Code::kAborted, "a later call of this worker replaces this one"}, {});
   if (refused) refused(refusal, {});
   return token;

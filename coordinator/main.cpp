@@ -50,7 +50,8 @@ int serve(const CoordinatorOptions& options, const std::string& listen) {
   sigwait(&signals, &signal);
   spdlog::info("stopping on signal {}", signal);
   server.stop();
-  std::filesystem::remove(options.dir + "/address");
+  std::error_code ignored;
+  std::filesystem::remove(options.dir + "/address", ignored);
   return 0;
 }
 

@@ -23,6 +23,7 @@ struct SchedulerOptions {
   Time worker_timeout = 60 * kSecond;  ///< a worker not heard of for so long is not counted as available
   int poison_workers = 3;              ///< distinct workers that must fail a task before it is split
   int max_splits_per_frame = 64;
+  int max_damages = 5;              ///< of one task's result at rest, before its frame fails
   int quarantine_after = 3;         ///< tasks failed here and done elsewhere, without a success of its own
   Time first_probe = 10 * kSecond;  ///< of a quarantined worker; doubled up to 5 minutes
   Time copy_after = 5 * kSecond;    ///< a running task is not copied to an idle worker before this
@@ -106,7 +107,7 @@ struct Task {
   bool retry = false;  ///< waits in Frame::retry
   uint64_t epoch = 0;  ///< of its last lease
   int64_t parent = -1, first_part = -1;
-  int expirations = 0, refusals = 0;
+  int expirations = 0, refusals = 0, damages = 0;
   std::string committed_by;         ///< worker that rendered its result; empty where that was not kept
   bool reused = false;              ///< an earlier job rendered the result
   int64_t cpu_ns = 0, wall_ns = 0;  ///< what the result cost, whoever paid
@@ -205,8 +206,11 @@ class Scheduler {
   // Answers to actions.
   void frame_pinned(const action::PinFrame& pin, const std::vector<SettledTask>& reused);
   void committed(const action::CommitTask& commit, Time now);
-  /// The blob of a committed task is damaged or gone: the task is open again.
+  /// The blob of a committed task is damaged or gone: the task is open again. The frame fails when that happens to one task again
+  /// and again: the disk keeps nothing.
   void reopen(const TaskRef& task, const std::string& reason);
+  /// The file of a frame's image is damaged or gone: it is merged again.
+  void image_lost(const std::string& job_id, int frame);
   /// The merge refused a committed result: open again, for other workers first. The frame fails when a task's
   /// results are refused again and again.
   void result_refused(const TaskRef& task, const std::string& reason);

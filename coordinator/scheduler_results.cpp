@@ -187,6 +187,23 @@ void Scheduler::reopen(const TaskRef& ref, const std::string& reason) {
   requeue(ref);
   log(ref.job, EventKind::ResultRefused, frame.spec.header.frame, to_string(ref), "", reason);
   if (!has_ended(job->row.state)) update_job(*job);
+  if (++task->damages >= options_.max_damages)
+    fail_frame(*job, ref.frame,
+               "the result of task " + to_string(ref) + " was damaged on the coordinator's disk " + std::to_string(task->damages) +
+                   " times: " + reason);
+}
+
+void Scheduler::image_lost(const std::string& id, int index) {
+  Job* job = job_of(id);
+  if (!job) return;
+  Frame& frame = job->frames[static_cast<size_t>(index)];
+  if (frame.row.state != FrameState::Done && frame.row.state != FrameState::Partial) return;
+  ++frame.revision;
+  frame.row.state = FrameState::Assembling;
+  actions_.push_back(action::SaveFrame{id, index});
+  actions_.push_back(action::AssembleFrame{id, index});
+  log(id, EventKind::ResultRefused, frame.spec.header.frame, "", "", "the image was damaged at rest and is merged again");
+  update_job(*job);
 }
 
 void Scheduler::result_refused(const TaskRef& ref, const std::string& reason) {

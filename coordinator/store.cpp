@@ -6,9 +6,12 @@
 
 #include <soci/soci.h>
 #include <soci/sqlite3/soci-sqlite3.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <stdexcept>
+
+#include "rpc/failure.h"
 
 namespace woodcock::coordinator {
 namespace {
@@ -179,7 +182,8 @@ void Store::run() {
       return;
     }
     for (Operation& operation : batch)
-      if (operation.done) operation.done();
+      if (const auto error = operation.done ? rpc::failure_of(operation.done) : std::nullopt)
+        spdlog::error("what follows a commit failed: {}", *error);
   }
 }
 

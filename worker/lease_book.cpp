@@ -357,6 +357,15 @@ void LeaseBook::upload_failed(const std::string& result_key, BootTime retry_at) 
   }
 }
 
+void LeaseBook::result_lost(const std::string& result_key) {
+  const Result* result = find_result(result_key);
+  if (result == nullptr) return;
+  const Lease* lease = find(result->offer.lease_id());
+  if (lease != nullptr) failed(v1::LeaseGrant(lease->grant), {FailureCause::kTransfer, "the result is damaged on the worker's disk"}, "");
+  erase_result(result_key);
+  ++news_;
+}
+
 // --- draining ----------------------------------------------------------------------------------------------------
 
 void LeaseBook::drain() {

@@ -65,6 +65,8 @@ class LeaseBook {
   std::optional<v1::ResultOffer> next_to_upload(BootTime now);
   void uploaded(const std::string& result_key);
   void upload_failed(const std::string& result_key, BootTime retry_at);
+  /// The tile is damaged on this disk: the result is forgotten, and its lease reported as failed without blame for the task.
+  void result_lost(const std::string& result_key);
 
   // --- draining --------------------------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@
 #include "rpc/blob_transfer.h"
 #include "rpc/channel.h"
 #include "rpc/convert.h"
+#include "rpc/failure.h"
 #include "rpc/limits.h"
 #include "rpc/status.h"
 
@@ -58,13 +59,24 @@ Supervisor::~Supervisor() = default;
 
 int Supervisor::run() {
   std::vector<std::thread> threads;
-  for (int slot = 0; slot < options_.slots; ++slot) threads.emplace_back([this, slot] { slot_loop(slot); });
-  threads.emplace_back([this] { fetch_loop(); });
-  threads.emplace_back([this] { upload_loop(); });
-  sync_loop();
+  for (int slot = 0; slot < options_.slots; ++slot)
+    threads.emplace_back([this, slot] { keep_running(fmt::format("slot {}", slot), [this, slot] { slot_loop(slot); }); });
+  threads.emplace_back([this] { keep_running("the fetching of scenes", [this] { fetch_loop(); }); });
+  threads.emplace_back([this] { keep_running("the upload of results", [this] { upload_loop(); }); });
+  keep_running("the sync with the coordinator", [this] { sync_loop(); });
   for (std::thread& thread : threads) thread.join();
   const Lock lock(mutex_);
   return exit_code_;
+}
+
+void Supervisor::keep_running(const std::string& name, const std::function<void()>& loop) {
+  while (true) {
+    const auto error = rpc::failure_of(loop);
+    Lock lock(mutex_);
+    if (finished_) return;
+    spdlog::error("{} failed and goes on: {}", name, error.value_or("it ended early"));
+    pause(lock, std::chrono::seconds(1));
+  }
 }
 
 void Supervisor::drain() {
@@ -307,6 +319,8 @@ bool Supervisor::fetch(const v1::LeaseGrant& grant) {
       spdlog::warn("cannot fetch a scene: {}; trying again", error.what());
     } catch (const std::system_error& error) {
       return fail(fmt::format("the worker's disk: {}", error.what()));
+    } catch (const std::exception& error) {
+      return fail(error.what());
     }
     // Until the lease ends: it is not renewed while nothing arrives.
     Lock lock(mutex_);
@@ -328,18 +342,23 @@ void Supervisor::upload_loop() {
     const auto line = channel();
     lock.unlock();
     std::string error;
+    bool lost = false;
     try {
+      lost = !spool_.holds(offer->result_key(), offer->result_digest());
       rpc::TransferControl control;
       control.stop = [this] {
         const Lock guard(mutex_);
         return finished_;
       };
-      rpc::upload_file(*v1::BlobsService::NewStub(line), spool_.tile_path(offer->result_key()), offer->result_digest(), control);
+      if (!lost) rpc::upload_file(*v1::BlobsService::NewStub(line), spool_.tile_path(offer->result_key()), offer->result_digest(), control);
     } catch (const std::exception& failure) {
       error = failure.what();
     }
     lock.lock();
-    if (error.empty()) {
+    if (lost) {
+      spdlog::error("the result of task {} is damaged on this disk: it is rendered again", offer->task_id());
+      book_.result_lost(offer->result_key());
+    } else if (error.empty()) {
       book_.uploaded(offer->result_key());
     } else if (!finished_) {
       spdlog::warn("cannot upload the result of task {}: {}; it stays in the spool", offer->task_id(), error);

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -53,6 +54,8 @@ class Supervisor {
   void fetch_loop();
   void upload_loop();
   void slot_loop(int slot);
+  /// Runs one of these until the end: an exception is said in the log and ends what the thread was at, not the process.
+  void keep_running(const std::string& name, const std::function<void()>& loop);
 
   struct Call;
   v1::SyncRequest make_request();
@@ -69,6 +72,7 @@ class Supervisor {
 
   bool start_child(int slot, std::unique_ptr<ChildProcess>& child);
   void render(int slot, ChildProcess& child, const v1::LeaseGrant& grant);
+  AttemptOutcome attempt(ChildProcess& child, const v1::LeaseGrant& grant, AttemptLog& log);
   bool fetch(const v1::LeaseGrant& grant);
   RenderCommand command_for(const v1::LeaseGrant& grant, uint64_t attempt) const;
   std::string log_path(const v1::TaskSpec& task, uint64_t epoch) const;
