@@ -27,9 +27,12 @@ Coordinator::Coordinator(const CoordinatorOptions& options)
     : options_(options),
       blobs_({options.dir, options.min_free_bytes, options.pin, options.failpoint}, options.now()),
       store_(std::make_unique<Store>(StoreOptions{options.dir, options.address, options.on_fatal})),
-      address_(options.address) {
+      address_(options.address),
+      leader_id_(random_id().substr(0, 16)) {
   SchedulerOptions scheduler = options.scheduler;
   scheduler.leader_term = store_->term();
+  scheduler.leader_id = leader_id_;
+  spdlog::info("cluster {}, leader term {}", store_->cluster_id(), store_->term());
   scheduler_ = std::make_unique<Scheduler>(scheduler);
   recover();
   assembler_ = std::thread([this] { run_assembler(); });

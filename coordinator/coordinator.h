@@ -105,6 +105,8 @@ class Coordinator {
   void carry_out(const Action& action);
   bool try_answer(const std::string& worker_id, HeldSync& held, Completions& completions);
   void decide_offers(const std::string& worker_id, HeldSync& held);
+  /// Refuses by name a worker that believes to talk to another coordinator than this one: nothing of its report concerns us.
+  bool meets_a_stranger(const v1::SyncRequest& request, const SyncDone& done);
   template <typename Work>
   auto locked(Work work);
   const Job& must_find(const std::string& id) const;
@@ -138,6 +140,7 @@ class Coordinator {
   uint64_t changes_ = 1;
   uint64_t next_temporary_ = 0;
   bool stopping_ = false;
+  std::string leader_id_;  // of this start; constant
 
   std::thread assembler_;
   std::thread ticker_;

@@ -1,4 +1,5 @@
 // Sync: a worker's report in, what it must be told out, held until there is something.
+#include <fmt/format.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -12,12 +13,45 @@
 
 namespace woodcock::coordinator {
 
+bool Coordinator::meets_a_stranger(const v1::SyncRequest& request, const SyncDone& done) {
+  if (request.cluster_id().empty()) return false;
+  if (request.cluster_id() != store_->cluster_id()) {
+    spdlog::warn("worker {} comes from another cluster, {}: it joins this one, {}, anew", request.worker_id(), request.cluster_id(),
+                 store_->cluster_id());
+    v1::SyncResponse response;
+    *response.mutable_protocol() = rpc::this_protocol();
+    response.set_leader_term(store_->term());
+    response.set_sequence(request.sequence());
+    response.set_cluster_id(store_->cluster_id());
+    response.set_leader_id(leader_id_);
+    done({}, response);
+    return true;
+  }
+  // One term has one leader, unless this database does not know of a later one.
+  const uint64_t own = store_->term(), seen = request.leader_term();
+  if (seen < own || (seen == own && request.leader_id() == leader_id_)) return false;
+  const std::string what = fmt::format(
+      "worker {} has seen leader term {} of this cluster, and this coordinator has {}: its folder is an older back-up. It takes a higher "
+      "term; work since the back-up is rendered again",
+      request.worker_id(), seen, own);
+  spdlog::warn("{}", what);
+  store_->raise_term(seen, [this] {
+    locked([&] {
+      scheduler_->set_leader_term(store_->term());
+      ++changes_;
+    });
+  });
+  done({rpc::Code::kUnavailable, what}, {});
+  return true;
+}
+
 uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
   WorkerReport report;
   HeldSync held;
   try {
     report = report_from_wire(request);
     held.offers = offers_from_wire(request);
+    if (meets_a_stranger(request, done)) return 0;
     if (store_->backlog() > options_.max_backlog)
       throw rpc::RpcError(rpc::Code::kUnavailable, "the coordinator's database is behind; go on rendering and try again");
   } catch (...) {
@@ -117,6 +151,8 @@ bool Coordinator::try_answer(const std::string& worker_id, HeldSync& held, Compl
   *response.mutable_protocol() = rpc::this_protocol();
   response.set_leader_term(store_->term());
   if (!address_.empty()) response.add_coordinator_addresses(address_);
+  response.set_cluster_id(store_->cluster_id());
+  response.set_leader_id(leader_id_);
   response.set_sequence(held.sequence);
   for (const Grant& grant : answer.grants)
     *response.add_grants() = grant_to_wire(grant, must_find(grant.task.job), options_.scheduler.lease);

@@ -2,6 +2,7 @@
 // what must be done about them comes out of take_actions(), in order. docs/architecture.md tells the rules.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -18,6 +19,7 @@ namespace woodcock::coordinator {
 
 struct SchedulerOptions {
   uint64_t leader_term = 1;
+  std::string leader_id;  ///< part of the ids of leases: leases of two leaders with one term never have the same
   Time lease = 30 * kSecond;
   Time grace = 10 * kSecond;
   Time worker_timeout = 60 * kSecond;  ///< a worker not heard of for so long is not counted as available
@@ -200,6 +202,8 @@ class Scheduler {
   Answer answer(const std::string& worker_id, Time now);
   /// Expires leases and ends jobs whose time is over. Call it about every second.
   void tick(Time now);
+  /// The leader has a higher term now.
+  void set_leader_term(uint64_t term) { options_.leader_term = std::max(options_.leader_term, term); }
   /// No new leases while the reason is not empty (disk full).
   void hold_leasing(const std::string& reason) { hold_reason_ = reason; }
 

@@ -145,7 +145,7 @@ ReportStatus Scheduler::report(const WorkerReport& report, Time now) {
 bool Scheduler::adopt(const LeaseReport& report, const std::string& worker_id, Worker& worker, Time now) {
   const std::optional<TaskRef> ref = parse_task_id(report.task_id);
   Task* task = ref ? task_of(*ref) : nullptr;
-  if (!task || task->state != TaskState::Open || !task->leases.empty()) return false;
+  if (!task || task->state != TaskState::Open || !task->leases.empty() || leases_.contains(report.lease_id)) return false;
   const Frame& frame = *frame_of(*ref);
   if (!frame.being_rendered() || !frame.row.pinned || !fits(worker, frame)) return false;
   if (report.epoch <= task->epoch || report.epoch >> 32 >= options_.leader_term) return false;
@@ -274,6 +274,7 @@ void Scheduler::lease(const TaskRef& ref, const std::string& worker_id, Worker& 
   Lease lease;
   lease.epoch = options_.leader_term << 32 | ++next_epoch_;
   lease.id = "L" + std::to_string(options_.leader_term) + "-" + std::to_string(next_epoch_);
+  if (!options_.leader_id.empty()) lease.id += "-" + options_.leader_id.substr(0, 8);
   lease.task = ref;
   lease.worker_id = worker_id;
   lease.granted = lease.last_change = now;

@@ -305,6 +305,11 @@ std::set<std::string> StoreSession::referenced_blobs() {
   return digests;
 }
 
+void StoreSession::set_term(uint64_t term) {
+  const auto value = static_cast<Integer>(term);
+  sql_ << "update leader set term = :t where id = 1", use(value);
+}
+
 std::vector<RecoveredJob> StoreSession::load_jobs() {
   std::vector<RecoveredJob> jobs;
   std::map<std::string, size_t> index;

@@ -148,6 +148,15 @@ std::vector<std::string> LeaseBook::apply(const v1::SyncRequest& request, BootTi
   return notes;
 }
 
+void LeaseBook::leave_cluster() {
+  std::erase_if(leases_, [](Lease& lease) {
+    lease.stop = true;
+    return lease.stage != Stage::kRendering && lease.stage != Stage::kFetching;
+  });
+  failures_.clear();
+  releases_.clear();
+}
+
 void LeaseBook::take_verdict(const v1::OfferVerdict& verdict, BootTime now, std::vector<std::string>& notes) {
   Result* result = find_result(verdict.result_key());
   if (result == nullptr || result->offer.result_digest() != verdict.result_digest()) return;

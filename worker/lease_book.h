@@ -29,6 +29,8 @@ class LeaseBook {
   void fill(v1::SyncRequest& request, BootTime now);
   /// Takes in the answer to `request`, which was sent at `sent_at`. Returns sentences for the log.
   std::vector<std::string> apply(const v1::SyncRequest& request, BootTime sent_at, const v1::SyncResponse& response, BootTime now);
+  /// The cluster is another: nobody waits for what is leased, failed or given back. Results stay on offer.
+  void leave_cluster();
   /// Grows with everything that the coordinator should be told without delay.
   uint64_t news() const { return news_; }
   /// Drops leases past their deadline. Returns sentences for the log.

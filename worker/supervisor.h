@@ -64,6 +64,8 @@ class Supervisor {
   /// Acts on the answer; returns how long to wait before the next call.
   std::chrono::milliseconds take_answer(const Call& call);
   std::chrono::milliseconds back_off();
+  /// Who answered: false where the answer is to be left aside.
+  bool recognize(const v1::SyncResponse& response);
   std::optional<std::chrono::milliseconds> renewal_interval() const;
   void check_deadlines();
   void end(int exit_code, const std::string& why);
@@ -94,6 +96,7 @@ class Supervisor {
   size_t address_ = 0;  // the one in use
   std::map<std::string, std::shared_ptr<grpc::Channel>> channels_;
   uint64_t sequence_ = 0;
+  std::string cluster_id_, leader_id_;  // of the last answer
   uint64_t leader_term_ = 0;
   uint64_t attempts_ = 0;
   int failures_in_a_row_ = 0, aborts_in_a_row_ = 0;
