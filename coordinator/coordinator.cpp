@@ -224,6 +224,57 @@ size_t Coordinator::sweep() {
   return blobs_.sweep(referenced, options_.now(), [](const std::string& warning) { spdlog::warn("clean-up: {}", warning); });
 }
 
+std::string Coordinator::lacking(const std::string& manifest_digest) const {
+  const std::string advice = " is damaged or missing on the coordinator: submit the scene again, then this job goes on";
+  v1::SceneManifest manifest;
+  if (rpc::failure_of([&] { manifest = rpc::parse_manifest(blobs_.read(manifest_digest, rpc::kMaxManifestBytes)); }))
+    return "the list of the scene's files" + advice;
+  for (const v1::SceneFile& file : manifest.files())
+    if (!blobs_.contains(file.content_digest())) return "the scene's file " + file.path() + advice;
+  return {};
+}
+
+void Coordinator::blob_lost(const std::string& digest) {
+  std::string why;
+  if (blobs_.verify(digest, &why)) return;
+  if (blobs_.contains(digest)) spdlog::error("a blob is thrown away: {}", why);
+  blobs_.remove(digest);
+  std::set<std::string> manifests;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [id, job] : scheduler_->jobs()) {
+      if (has_ended(job.row.state)) continue;
+      for (const Frame& frame : job.frames)
+        if (!has_ended(frame.row.state)) manifests.insert(frame.spec.manifest_digest);
+    }
+  }
+  for (const std::string& manifest : manifests) {
+    const std::string reason = lacking(manifest);
+    if (reason.empty()) continue;
+    spdlog::error("{}", reason);
+    locked([&] {
+      scheduler_->scene_lost(manifest, reason);
+      ++changes_;
+    });
+  }
+}
+
+void Coordinator::look_for_lost_scenes() {
+  std::map<std::string, std::string> lost;
+  {
+    const std::lock_guard lock(mutex_);
+    lost = scheduler_->lost_scenes();
+  }
+  for (const auto& [manifest, reason] : lost) {
+    if (!lacking(manifest).empty()) continue;
+    spdlog::info("the scene of manifest {} is whole again", manifest);
+    locked([&] {
+      scheduler_->scene_found(manifest);
+      ++changes_;
+    });
+  }
+}
+
 void Coordinator::run_ticker() {
   Time next_second = 0, next_sweep = options_.now() + options_.pin;
   std::string shortage;
@@ -237,6 +288,7 @@ void Coordinator::run_ticker() {
       const std::string found = blobs_.shortage();
       if (found != shortage) spdlog::warn("{}", found.empty() ? "there is room on the disk again" : found);
       shortage = found;
+      look_for_lost_scenes();
       locked([&] {
         scheduler_->hold_leasing(shortage);
         scheduler_->tick(now);

@@ -77,6 +77,10 @@ class Coordinator {
   /// Answers all held calls with UNAVAILABLE and refuses new ones.
   void stop_syncs();
 
+  /// A blob could not be handed out. Unless it can be read after all it is thrown away, so that it is asked for again, and jobs whose
+  /// scene it belongs to say what they wait for.
+  void blob_lost(const std::string& digest);
+
   /// Removes blobs that nothing needs; the ticker calls it every ten minutes.
   size_t sweep();
 
@@ -118,6 +122,9 @@ class Coordinator {
   /// mutex_ held. Whether the frame was extended, reopened or ended since its merge began.
   bool is_stale(const AssembleJob& job) const;
   void merge_failed(const AssembleJob& job, const std::string& error);
+  /// A sentence when a file of the scene, or the manifest itself, is not here.
+  std::string lacking(const std::string& manifest_digest) const;
+  void look_for_lost_scenes();
   /// Throws RpcError kUnavailable, and has the image merged again, when its file is damaged.
   void check_image(const std::string& job, int frame, const std::string& digest);
   void run_assembler();

@@ -50,6 +50,7 @@ struct FailureReport {
   uint64_t epoch = 0;
   FailureCause cause = FailureCause::Other;
   std::string message, log_excerpt;
+  bool scene_checked = true;  ///< of a scene error: the files that the worker read have their digests
 };
 struct LeaseRelease {
   std::string lease_id;
@@ -130,7 +131,7 @@ struct Frame {
   int64_t unsettled = 0;    ///< tasks that are open or committing
   int64_t done = 0, given_up = 0;
   int splits = 0;
-  std::set<std::string> scene_failures;  ///< workers that could not read the scene
+  std::map<std::string, int> scene_failures;  ///< how often each worker could not read the scene
   int64_t samples_total = 0, samples_done = 0;
   int64_t cpu_ns = 0;                         ///< that this job paid
   int64_t result_cpu_ns = 0;                  ///< of the results that are there, whoever paid
@@ -206,6 +207,10 @@ class Scheduler {
   void set_leader_term(uint64_t term) { options_.leader_term = std::max(options_.leader_term, term); }
   /// No new leases while the reason is not empty (disk full).
   void hold_leasing(const std::string& reason) { hold_reason_ = reason; }
+  /// Files of a scene are not here; workers that have them go on. `reason` is what its frames wait for.
+  void scene_lost(const std::string& manifest_digest, const std::string& reason) { lost_scenes_[manifest_digest] = reason; }
+  void scene_found(const std::string& manifest_digest);
+  const std::map<std::string, std::string>& lost_scenes() const { return lost_scenes_; }
 
   // Answers to actions.
   void frame_pinned(const action::PinFrame& pin, const std::vector<SettledTask>& reused);
@@ -291,7 +296,9 @@ class Scheduler {
   void requeue(const TaskRef& task);
   void settle(const TaskRef& task, TaskState state);
   void task_failed(const TaskRef& task, const std::string& worker_id, const std::string& why, bool counts, Time now);
+  void ask_another(const TaskRef& task, const std::string& worker_id, const std::string& why);
   void split_or_give_up(const TaskRef& task, const std::string& why);
+  bool scene_is_bad(const Frame& frame, Time now) const;
   void blame_others(const Task& task, const std::string& winner);
   bool adopt(const LeaseReport& report, const std::string& worker_id, Worker& worker, Time now);
 
@@ -302,6 +309,7 @@ class Scheduler {
   uint64_t next_epoch_ = 0;
   Time last_tick_ = 0;
   std::string hold_reason_;
+  std::map<std::string, std::string> lost_scenes_;  // by manifest: why its frames wait
   std::vector<Action> actions_;
 };
 

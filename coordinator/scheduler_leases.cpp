@@ -117,13 +117,14 @@ ReportStatus Scheduler::report(const WorkerReport& report, Time now) {
     // A worker that fails again and again is asked ever less often: a moment first, half a minute at the end.
     if (worker.consecutive_failures >= 3)
       worker.next_grant = now + std::min<Time>(kSecond / 4 << std::min(worker.consecutive_failures - 3, 7), 30 * kSecond);
-    if (failure.cause == FailureCause::SceneError || failure.cause == FailureCause::SceneMismatch) {
+    if ((failure.cause == FailureCause::SceneError || failure.cause == FailureCause::SceneMismatch) && failure.scene_checked) {
       Frame& frame = *frame_of(ref);
-      frame.scene_failures.insert(report.worker_id);
-      if (static_cast<int64_t>(frame.scene_failures.size()) >= std::min<int64_t>(2, std::max<int64_t>(1, available_workers(frame, now)))) {
+      ++frame.scene_failures[report.worker_id];
+      if (scene_is_bad(frame, now))
         fail_frame(*job_of(ref.job), ref.frame, why);
-        continue;
-      }
+      else
+        ask_another(ref, report.worker_id, why);
+      continue;
     }
     task_failed(ref, report.worker_id, why, failure.cause != FailureCause::Transfer, now);
   }

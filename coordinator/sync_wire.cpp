@@ -84,7 +84,7 @@ WorkerReport report_from_wire(const v1::SyncRequest& request) {
     check_text(failure.message(), rpc::kMaxMessageTextBytes, "failures.message");
     check_text(failure.log_excerpt(), rpc::kMaxLogExcerptBytes, "failures.log_excerpt");
     report.failures.push_back({failure.lease_id(), failure.task_id(), failure.epoch(), cause_from_wire(failure.cause()), failure.message(),
-                               failure.log_excerpt()});
+                               failure.log_excerpt(), failure.scene_checked()});
   }
   for (const v1::LeaseRelease& release : request.releases()) report.releases.push_back({release.lease_id(), release.epoch()});
   return report;

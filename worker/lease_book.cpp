@@ -318,7 +318,7 @@ void LeaseBook::rendered(const v1::LeaseGrant& grant, const RenderedTile& tile) 
   results_.push_back(std::move(result));
 }
 
-void LeaseBook::failed(const v1::LeaseGrant& grant, const AttemptFailure& failure, const std::string& log_tail) {
+void LeaseBook::failed(const v1::LeaseGrant& grant, const AttemptFailure& failure, const std::string& log_tail, bool scene_checked) {
   const Lease* lease = find(grant.lease_id());
   const bool unwanted = lease != nullptr && lease->stop;
   erase(grant.lease_id());
@@ -328,6 +328,7 @@ void LeaseBook::failed(const v1::LeaseGrant& grant, const AttemptFailure& failur
   report.set_task_id(grant.task().task_id());
   report.set_epoch(grant.epoch());
   report.set_cause(to_wire(failure.cause));
+  report.set_scene_checked(scene_checked);
   report.set_message(printable(failure.reason, rpc::kMaxMessageTextBytes, false));
   report.set_log_excerpt(printable(log_tail, rpc::kMaxLogExcerptBytes, true));
   failures_.push_back(std::move(report));

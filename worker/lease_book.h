@@ -57,7 +57,8 @@ class LeaseBook {
   /// The tile lies in the spool under its key: makes the offer durable. A result of a lease that has meanwhile gone is
   /// offered all the same.
   void rendered(const v1::LeaseGrant& grant, const RenderedTile& tile);
-  void failed(const v1::LeaseGrant& grant, const AttemptFailure& failure, const std::string& log_tail);
+  /// `scene_checked`: the files that the attempt read have their digests.
+  void failed(const v1::LeaseGrant& grant, const AttemptFailure& failure, const std::string& log_tail, bool scene_checked = false);
   /// The child has stopped. While draining, the lease is given back.
   void stopped(const v1::LeaseGrant& grant);
 

@@ -328,7 +328,8 @@ bool Supervisor::fetch(const v1::LeaseGrant& grant) {
     const auto blobs = v1::BlobsService::NewStub(line);
     const BlobSource source{
         [&](const std::string& digest) { return rpc::download_bytes(*blobs, digest, rpc::kMaxManifestBytes); },
-        [&](const std::string& digest, const std::string& path) { rpc::download_file(*blobs, digest, path, true, control); }};
+        [&](const std::string& digest, const std::string& path) { rpc::download_file(*blobs, digest, path, true, control); },
+        [&] { control.progress(0); }};
     try {
       const Lock store_lock(store_mutex_);
       store_.prepare(grant.task().manifest_digest(), source);

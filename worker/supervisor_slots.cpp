@@ -148,13 +148,20 @@ void Supervisor::render(int slot, ChildProcess& child, const v1::LeaseGrant& gra
   const v1::TaskSpec& task = grant.task();
   make_room_for_log(folder_.logs());
   AttemptLog log(log_path(task, grant.epoch()), kLogBytes);
-  const AttemptOutcome outcome = attempt(child, grant, log);
+  AttemptOutcome outcome = attempt(child, grant, log);
+  bool scene_checked = false;
   if (const auto* failure = std::get_if<AttemptFailure>(&outcome)) {
     spdlog::warn("slot {}: task {} failed ({}): {}", slot, task.task_id(), to_string(failure->cause), failure->reason);
-    if (failure->cause == FailureCause::kMismatch) {
+    if (failure->cause == FailureCause::kScene || failure->cause == FailureCause::kMismatch) {
+      // Before the scene is blamed: are these its bytes?
       const Lock store_lock(store_mutex_);
-      if (const auto error = rpc::failure_of([&] { store_.discard(task.manifest_digest()); }))
-        spdlog::error("the scene {} cannot be thrown away: {}", task.manifest_digest(), *error);
+      std::string why;
+      const auto error = rpc::failure_of([&] { scene_checked = store_.check(task.manifest_digest(), why); });
+      if (error || !scene_checked) {
+        why = "the scene is damaged in this worker's cache, and is fetched again: " + error.value_or(why);
+        spdlog::error("slot {}: {}", slot, why);
+        outcome = AttemptFailure{FailureCause::kTransfer, why};
+      }
     }
   }
   const Lock lock(mutex_);
@@ -162,7 +169,7 @@ void Supervisor::render(int slot, ChildProcess& child, const v1::LeaseGrant& gra
     if (const auto* tile = std::get_if<RenderedTile>(&outcome))
       book_.rendered(grant, *tile);
     else if (const auto* failure = std::get_if<AttemptFailure>(&outcome))
-      book_.failed(grant, *failure, log.tail());
+      book_.failed(grant, *failure, log.tail(), scene_checked);
     else
       book_.stopped(grant);
   } catch (const std::exception& error) {
