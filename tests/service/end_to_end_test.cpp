@@ -405,6 +405,32 @@ TEST_F(Up, ServesJobsAndLeavesNoProcess) {
   EXPECT_TRUE(eventually(seconds(10), [&] { return none_runs(processes); }));
 }
 
+TEST_F(Up, F31_WhatIsKilledIsStartedAgainAndTheServiceStays) {
+  const auto up =
+      woodcock_in_background({"up", "--workers", "2", "--threads-per-worker", "1", "--port", "0", "--dir", path("up"), "--json"});
+  ASSERT_TRUE(eventually(kPatience, [&] { return up->out().find('\n') != std::string::npos || !up->running(); }));
+  ASSERT_TRUE(up->running()) << up->err();
+  address_ = nlohmann::json::parse(up->out())["address"];
+  // Every program that it started itself: the coordinator and both workers.
+  std::vector<pid_t> started;
+  std::istringstream children(contents("/proc/" + std::to_string(up->pid()) + "/task/" + std::to_string(up->pid()) + "/children"));
+  for (pid_t child = 0; children >> child;) started.push_back(child);
+  ASSERT_EQ(started.size(), 3u);
+  for (const pid_t child : started) ASSERT_EQ(::kill(child, SIGKILL), 0);
+  for (const char* name : {"coordinator", "worker-1", "worker-2"})
+    EXPECT_TRUE(eventually(kPatience, [&] { return up->err().find(std::string(name) + " was ended by Killed") != std::string::npos; }))
+        << name;
+  // The killed one's address file may be there: the answer counts.
+  ASSERT_TRUE(eventually(kPatience, [&] { return woodcock({"workers"}).out.find("ready") != std::string::npos; }));
+  ASSERT_EQ(woodcock(joined({"submit", "-o", path("image.exr")}, kQuick)).code, 0);
+  EXPECT_TRUE(contents(path("image.exr")) == rendered(kQuick));
+  EXPECT_TRUE(up->running());
+  const auto processes = family(up->pid());
+  up->signal(SIGINT);
+  EXPECT_EQ(up->wait(kPatience), 0) << up->err();
+  EXPECT_TRUE(eventually(seconds(10), [&] { return none_runs(processes); }));
+}
+
 TEST_F(Up, KilledOutrightItStillLeavesNoProcess) {
   const auto up = woodcock_in_background({"up", "--workers", "1", "--port", "0", "--dir", path("up"), "--json"});
   ASSERT_TRUE(eventually(kPatience, [&] { return up->out().find('\n') != std::string::npos || !up->running(); }));
