@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "coordinator/coordinator.h"
+#include "coordinator/watchers.h"
 #include "woodcock/v1/blobs_service.grpc.pb.h"
 #include "woodcock/v1/jobs_service.grpc.pb.h"
 #include "woodcock/v1/workers_service.grpc.pb.h"
@@ -65,16 +66,16 @@ class StallGuard {
   std::thread thread_;
 };
 
-class JobsService final : public v1::JobsService::Service {
+class JobsService final : public v1::JobsService::WithCallbackMethod_WatchJob<v1::JobsService::Service> {
  public:
-  explicit JobsService(Coordinator& coordinator) : coordinator_(coordinator) {}
+  explicit JobsService(Coordinator& coordinator) : coordinator_(coordinator), watchers_(coordinator) {}
   /// Lets watchers go; the server can stop then.
-  void stop() { stopping_ = true; }
+  void stop() { watchers_.stop(); }
 
   grpc::Status SubmitJob(grpc::ServerContext*, const v1::SubmitJobRequest*, v1::SubmitJobResponse*) override;
   grpc::Status GetJob(grpc::ServerContext*, const v1::GetJobRequest*, v1::GetJobResponse*) override;
   grpc::Status ListJobs(grpc::ServerContext*, const v1::ListJobsRequest*, v1::ListJobsResponse*) override;
-  grpc::Status WatchJob(grpc::ServerContext*, const v1::WatchJobRequest*, grpc::ServerWriter<v1::WatchJobResponse>*) override;
+  grpc::ServerWriteReactor<v1::WatchJobResponse>* WatchJob(grpc::CallbackServerContext*, const v1::WatchJobRequest*) override;
   grpc::Status CancelJob(grpc::ServerContext*, const v1::CancelJobRequest*, v1::CancelJobResponse*) override;
   grpc::Status PauseJob(grpc::ServerContext*, const v1::PauseJobRequest*, v1::PauseJobResponse*) override;
   grpc::Status ResumeJob(grpc::ServerContext*, const v1::ResumeJobRequest*, v1::ResumeJobResponse*) override;
@@ -86,8 +87,8 @@ class JobsService final : public v1::JobsService::Service {
 
  private:
   Coordinator& coordinator_;
-  Admission watchers_{64}, merges_{2};
-  std::atomic<bool> stopping_{false};
+  Watchers watchers_;
+  Admission merges_{2};
 };
 
 class BlobsService final : public v1::BlobsService::Service {

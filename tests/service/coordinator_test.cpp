@@ -293,6 +293,55 @@ TEST(Coordinator, EventsAreNumberedWithoutGapsAndWatchResumesFromItsCursor) {
   EXPECT_EQ(commits, 4);
 }
 
+TEST(Coordinator, F29AnyNumberOfWatchersIsServedAndEachHearsTheEnd) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path);
+  const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
+  CoordinatorServer server(*world.coordinator, "127.0.0.1:0");
+  const auto stub = v1::JobsService::NewStub(rpc::make_channel(server.address()));
+  constexpr int kWatchers = 150;
+  std::atomic<int> begun{0}, heard{0};
+  std::vector<std::thread> watchers;
+  for (int i = 0; i < kWatchers; ++i)
+    watchers.emplace_back([&] {
+      grpc::ClientContext context;
+      rpc::set_deadline(context, std::chrono::seconds(100));
+      v1::WatchJobRequest request;
+      request.set_job_id(id);
+      const auto reader = stub->WatchJob(&context, request);
+      v1::WatchJobResponse response;
+      if (!reader->Read(&response)) return;
+      ++begun;
+      while (reader->Read(&response)) {
+      }
+      heard += reader->Finish().ok() && response.job().state() == v1::JOB_STATE_DONE;
+    });
+  for (int i = 0; i < 3000 && begun < kWatchers; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_EQ(begun, kWatchers);
+  world.work("w1");
+  world.wait_until_ended(id);
+  for (std::thread& watcher : watchers) watcher.join();
+  EXPECT_EQ(heard, kWatchers);
+}
+
+TEST(Coordinator, AWatcherIsToldWhenTheCoordinatorStops) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path);
+  const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
+  CoordinatorServer server(*world.coordinator, "127.0.0.1:0");
+  const auto stub = v1::JobsService::NewStub(rpc::make_channel(server.address()));
+  grpc::ClientContext context;
+  rpc::set_deadline(context, std::chrono::seconds(60));
+  v1::WatchJobRequest request;
+  request.set_job_id(id);
+  const auto reader = stub->WatchJob(&context, request);
+  v1::WatchJobResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  server.stop();
+  EXPECT_FALSE(reader->Read(&response));
+  EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+}
+
 TEST(Coordinator, CleanUpLeavesWhatAJobNeeds) {
   const TemporaryFolder folder;
   CoordinatorWorld world(folder.path);
