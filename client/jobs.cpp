@@ -171,7 +171,8 @@ void add_fetch_command(CLI::App& app, int& code) {
   command->add_option("-o,--output", options->fetch.output,
                       "EXR to write; #### stands for the frame's number; without it the job's name, which must not exist yet");
   command->add_option("--frame", options->fetch.frame, "Only this frame");
-  command->add_flag("--partial", options->fetch.partial, "Take what is finished so far: pixels without samples stay black (exit code 3)");
+  command->add_flag("--partial", options->fetch.partial,
+                    "Take what is finished so far: the first samples of each pixel that there are (exit code 3)");
   command->footer("Examples:\n  woodcock fetch JOB -o cloud.exr\n  woodcock fetch JOB --partial -o preview.exr");
   command->callback([options, &code] {
     Service service(options->service);

@@ -8,6 +8,7 @@
 #include "coordinator/coordinator.h"
 #include "coordinator/coordinator_locked.h"
 #include "coordinator/job_view.h"
+#include "coordinator/preview.h"
 #include "rpc/error.h"
 #include "rpc/limits.h"
 
@@ -190,6 +191,8 @@ v1::GetFrameResponse Coordinator::frame(const std::string& id, uint64_t number, 
   v1::GetFrameResponse response;
   AssembleRequest request;
   std::vector<TaskRef> tasks;
+  std::vector<TaskArea> areas;
+  std::vector<std::string> paths;
   const auto final_image = [&](const Frame& frame) {
     response.set_image_digest(frame.row.image_digest);
     response.set_image_bytes(frame.row.image_bytes);
@@ -213,14 +216,32 @@ v1::GetFrameResponse Coordinator::frame(const std::string& id, uint64_t number, 
     }
     if (frame->row.state == FrameState::Assembling && !frame->row.image_digest.empty() && !partial)
       throw rpc::RpcError(rpc::Code::kUnavailable, "frame " + std::to_string(number) + " is being merged; ask again");
-    if (frame->row.state == FrameState::Failed) rpc::fail_precondition("frame " + std::to_string(number) + " failed: " + frame->row.reason);
+    if (frame->row.state == FrameState::Failed && (!partial || frame->done == 0))
+      rpc::fail_precondition("frame " + std::to_string(number) + " failed: " + frame->row.reason);
     if (!partial)
       rpc::fail_precondition("frame " + std::to_string(number) + " is " + to_string(frame->row.state) +
                              "; wait for it, or ask for a partial image");
     if (frame->done == 0) rpc::fail_precondition("nothing of frame " + std::to_string(number) + " is rendered yet");
-    request = assemble_request(job, *frame, tasks);
+    request.header = frame->pinned_header();
+    const auto index = static_cast<int>(frame - job.frames.begin());
+    for (size_t i = 0; i < frame->tasks.size(); ++i) {
+      if (frame->tasks[i].state != TaskState::Done) continue;
+      tasks.push_back({job.spec.id, index, static_cast<int64_t>(i)});
+      areas.push_back(frame->tasks[i].area);
+      paths.push_back(blobs_.path(frame->tasks[i].digest));
+    }
     request.output_path = blobs_.temporary("partial-" + std::to_string(++next_temporary_) + ".exr");
   }
+  Preview preview = preview_of(request.header.bounds, areas);
+  if (preview.tiles.empty())
+    rpc::fail_precondition("nothing of frame " + std::to_string(number) + " can be shown yet: no pixel has its first samples");
+  request.map = std::move(preview.map);
+  std::vector<TaskRef> shown;
+  for (const size_t i : preview.tiles) {
+    shown.push_back(tasks[i]);
+    request.tile_paths.push_back(paths[i]);
+  }
+  tasks = std::move(shown);
   if (const std::vector<TaskRef> damaged = damaged_tiles(tasks, request.tile_paths); !damaged.empty()) {
     reopen(damaged, "the result was damaged at rest", false);
     throw rpc::RpcError(rpc::Code::kUnavailable, "some tiles were damaged and are rendered again; ask again");
