@@ -41,6 +41,7 @@ int serve(const CoordinatorOptions& options, const std::string& listen) {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
 
+  spdlog::info("at most {} open files", raise_descriptor_limit());
   std::filesystem::create_directories(options.dir);
   Coordinator coordinator(options);
   CoordinatorServer server(coordinator, listen);
