@@ -208,6 +208,23 @@ void add_resume_command(CLI::App& app, int& code) {
   });
 }
 
+void add_repin_command(CLI::App& app, int& code) {
+  auto options = std::make_shared<JobOptions>();
+  add_job_command(app, "repin", "Start the frames of a job again whose render build no connected worker has, e.g. after an upgrade",
+                  options)
+      ->footer("Example:\n  woodcock repin JOB")
+      ->callback([options, &code] {
+        Service service(options->service);
+        v1::RepinJobRequest request;
+        request.set_job_id(options->job);
+        v1::RepinJobResponse response;
+        service.call(&v1::JobsService::Stub::RepinJob, request, response, "starting job " + options->job + " again");
+        if (!options->json) fmt::print("frames that start again: {}\n", response.frames());
+        report(response.job(), options->json);
+        code = 0;
+      });
+}
+
 void add_extend_command(CLI::App& app, int& code) {
   struct Options : JobOptions {
     int64_t samples = 0;

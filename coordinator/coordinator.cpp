@@ -198,6 +198,14 @@ void Coordinator::carry_out(const Action& any) {
             if (has_ended(row.state)) done = [this] { options_.failpoint("after-frame-row"); };
             store_->write([save, row](StoreSession& session) { session.save_frame(save.job, save.frame, row); }, std::move(done));
           },
+          [&](const action::ResetFrame& reset) {
+            changed();
+            const FrameRow& row = must_find(reset.job).frames[static_cast<size_t>(reset.frame)].row;
+            store_->write([reset, row](StoreSession& session) {
+              session.reset_frame(reset.job, reset.frame);
+              session.save_frame(reset.job, reset.frame, row);
+            });
+          },
           [&](const action::LogEvent& log) {
             JobEvent event = log.event;
             event.number = ++last_event_[log.job];

@@ -65,6 +65,7 @@ class Coordinator {
   v1::Job cancel(const std::string& id);
   v1::Job set_paused(const std::string& id, bool paused);
   v1::Job extend(const std::string& id, int64_t samples, std::optional<double> target_error, double max_seconds = 0);
+  v1::RepinJobResponse repin(const std::string& id);
   v1::GetFrameResponse frame(const std::string& id, uint64_t frame, bool partial);
   std::vector<v1::TaskAttempt> task_log(const std::string& job_id, const std::string& task_id);
   /// Events after the cursor, at most 1000, and the job now. `finished`: it has ended and there are no more events.

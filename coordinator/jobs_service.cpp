@@ -47,6 +47,9 @@ grpc::Status JobsService::ExtendJob(grpc::ServerContext*, const v1::ExtendJobReq
                             request->has_target_error() ? std::optional(request->target_error()) : std::nullopt, request->max_seconds());
   });
 }
+grpc::Status JobsService::RepinJob(grpc::ServerContext*, const v1::RepinJobRequest* request, v1::RepinJobResponse* response) {
+  return answer([&] { *response = coordinator_.repin(request->job_id()); });
+}
 grpc::Status JobsService::ListResults(grpc::ServerContext*, const v1::ListResultsRequest* request, v1::ListResultsResponse* response) {
   return answer([&] { *response = coordinator_.results(request->job_id(), request->page_size(), request->page_token()); });
 }

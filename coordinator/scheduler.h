@@ -30,6 +30,7 @@ struct SchedulerOptions {
   Time first_probe = 10 * kSecond;  ///< of a quarantined worker; doubled up to 5 minutes
   Time copy_after = 5 * kSecond;    ///< a running task is not copied to an idle worker before this
   Time copy_queued_after = 2 * kSecond;
+  Time repin_after = 0;  ///< a frame whose build no connected worker has starts again by itself after so long; 0: never
 };
 
 struct LeaseReport {
@@ -138,6 +139,7 @@ struct Frame {
   HealthCounts health;                        ///< sum over the tasks done
   std::map<int64_t, HealthCounts> unhealthy;  ///< its share of each task that has any
   uint64_t revision = 0;                      ///< grows when a merge that is under way is not of the frame any more
+  Time unfit_since = 0;                       ///< no connected worker has its build; 0: one has
   bool deciding = false;                      ///< a pass is over, and the next one not decided yet
   std::deque<int64_t> durations;              ///< wall time of the last commits, nanoseconds
 
@@ -190,6 +192,9 @@ class Scheduler {
   bool cancel(const std::string& job_id);
   bool set_paused(const std::string& job_id, bool paused);
   bool extend(const std::string& job_id, int64_t samples);
+  /// Starts the job's frames again whose build no connected worker has. Returns how many; nothing while one is being pinned or has a
+  /// result on its way to the disk.
+  std::optional<int64_t> repin(const std::string& job_id, Time now);
   /// Gives a job another target, or its first, and as much time as it takes or as `seconds` say. Frames that had ended are decided
   /// anew.
   bool set_target(const std::string& job_id, const SamplingTarget& target, std::optional<double> seconds = std::nullopt);
@@ -283,6 +288,9 @@ class Scheduler {
   void wake_frame(Job& job, int frame);
   void fail_frame(Job& job, int frame, const std::string& reason);
 
+  bool nobody_fits(const Frame& frame, Time now) const;
+  bool start_again(Job& job, int frame);
+  void repin_overdue(Time now);
   bool fits(const Worker& worker, const Frame& frame) const;
   bool connected(const Worker& worker, Time now) const;
   bool available(const Worker& worker, Time now) const;

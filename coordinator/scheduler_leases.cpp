@@ -173,6 +173,7 @@ bool Scheduler::adopt(const LeaseReport& report, const std::string& worker_id, W
 
 void Scheduler::tick(Time now) {
   count_time(now);
+  repin_overdue(now);
   std::vector<std::string> expired;
   for (const auto& [id, lease] : leases_)
     if (now - lease.last_change > options_.lease + options_.grace) expired.push_back(id);

@@ -254,7 +254,8 @@ std::string Scheduler::waiting_reason(const Job& job, const Frame& frame, Time n
   if (connected_workers(now) == 0) return "no worker is connected";
   if (available_workers(frame, now) == 0) {
     if (!frame.row.pinned) return "every connected worker is draining or quarantined";
-    return "no connected worker has build " + frame.row.build + " and arithmetic class " + frame.row.arithmetic_class;
+    return "no connected worker has build " + frame.row.build + " and arithmetic class " + frame.row.arithmetic_class +
+           "; `woodcock repin` starts it again for those there are";
   }
   return {};
 }

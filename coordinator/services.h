@@ -82,6 +82,7 @@ class JobsService final : public v1::JobsService::WithCallbackMethod_WatchJob<v1
   grpc::Status GetFrame(grpc::ServerContext*, const v1::GetFrameRequest*, v1::GetFrameResponse*) override;
   grpc::Status GetTaskLog(grpc::ServerContext*, const v1::GetTaskLogRequest*, v1::GetTaskLogResponse*) override;
   grpc::Status ExtendJob(grpc::ServerContext*, const v1::ExtendJobRequest*, v1::ExtendJobResponse*) override;
+  grpc::Status RepinJob(grpc::ServerContext*, const v1::RepinJobRequest*, v1::RepinJobResponse*) override;
   grpc::Status ListResults(grpc::ServerContext*, const v1::ListResultsRequest*, v1::ListResultsResponse*) override;
   grpc::Status ListWorkers(grpc::ServerContext*, const v1::ListWorkersRequest*, v1::ListWorkersResponse*) override;
 

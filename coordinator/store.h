@@ -32,6 +32,8 @@ class StoreSession {
   /// Of the spec: rounds, target, time limit and quote, which alone may change.
   void save_job(const JobSpec& spec, const JobRow& row);
   void save_frame(const std::string& job_id, int frame, const FrameRow& row);
+  /// Forgets which of its tasks are settled, and how. Results stay.
+  void reset_frame(const std::string& job_id, int frame);
   /// Compare-and-set: inserts the row of an open task and its result. False when the task is settled already, or is a part of
   /// a task that is not split. `parent` is -1 for a task of the grid.
   bool commit_task(const TaskRef& task, int64_t parent, const ResultRecord& result);

@@ -155,6 +155,11 @@ void StoreSession::save_frame(const std::string& job_id, int frame, const FrameR
       use(row.reason), use(passes), use(job_id), use(index);
 }
 
+void StoreSession::reset_frame(const std::string& job_id, int frame) {
+  const Integer index = frame;
+  sql_ << "delete from settled where job_id = :j and frame = :f", use(job_id), use(index);
+}
+
 bool StoreSession::commit_task(const TaskRef& task, int64_t parent, const ResultRecord& result) {
   const Integer frame = task.frame;
   if (parent >= 0) {

@@ -1,4 +1,5 @@
 // The whole coordinator in this process, over its own port where the wire matters.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <soci/soci.h>
 #include <soci/sqlite3/soci-sqlite3.h>
@@ -19,7 +20,7 @@ namespace {
 /// The frame in one go: what any split of the work must give.
 std::string whole_frame(const CoordinatorWorld& world, int64_t samples) {
   FrameHeader header = world.header();
-  header.build = "build";
+  header.build = world.build;
   header.arithmetic_class = "class";
   std::vector<Tile> nodes;
   for (const SampleRange range : dyadic_nodes({0, samples})) {
@@ -364,6 +365,40 @@ TEST(Coordinator, AWatcherIsToldWhenTheCoordinatorStops) {
   server.stop();
   EXPECT_FALSE(reader->Read(&response));
   EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+}
+
+TEST(Coordinator, F34AFrameOfABuildThatIsGoneStartsAgainWhenAsked) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path);
+  const std::string id = world.coordinator->submit(world.request("r1", 12)).job_id();
+  EXPECT_EQ(world.work("old", 3), 3);
+  EXPECT_THROW(world.coordinator->repin(id), rpc::RpcError) << "its worker is there";
+  world.now += 120 * kSecond;
+  world.build = "new build";
+  EXPECT_EQ(world.work("new"), 0);
+  EXPECT_THAT(world.coordinator->job(id).state_reason(), ::testing::HasSubstr("no connected worker has build build"));
+  EXPECT_EQ(world.coordinator->repin(id).frames(), 1);
+  EXPECT_EQ(world.coordinator->job(id).progress().tasks_done(), 0);
+  EXPECT_EQ(world.work("new", 2), 2);
+  // What is settled is that of the new build, also after a restart.
+  world.stop();
+  world.start();
+  EXPECT_EQ(world.coordinator->job(id).progress().tasks_done(), 2);
+  EXPECT_EQ(world.work("new"), 6);
+  EXPECT_EQ(world.wait_until_ended(id).state(), v1::JOB_STATE_DONE);
+  EXPECT_TRUE(image_of(world, id) == whole_frame(world, 12));
+}
+
+TEST(Coordinator, F34AFrameOfABuildThatIsGoneStartsAgainByItselfWhereThatIsAllowed) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path, [](CoordinatorOptions& options) { options.scheduler.repin_after = 200 * kSecond; });
+  const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
+  EXPECT_EQ(world.work("old", 3), 3);
+  world.now += 120 * kSecond;
+  world.build = "new build";
+  for (int i = 0; i < 300 && world.coordinator->job(id).state() < v1::JOB_STATE_DONE; ++i) world.work("new");
+  EXPECT_EQ(world.wait_until_ended(id).state(), v1::JOB_STATE_DONE);
+  EXPECT_TRUE(image_of(world, id) == whole_frame(world, 8));
 }
 
 TEST(Coordinator, CleanUpLeavesWhatAJobNeeds) {
