@@ -188,7 +188,6 @@ void Supervisor::carry_out(Call& call, Lock& lock) {
   call.stub = v1::WorkersService::NewStub(channel());
   call.sent_at = boot_now();
   rpc::set_deadline(call.context, rpc::kSyncDeadline);
-  const auto renewal = renewal_interval();
   // The library may call back on this very thread: never hold the lock when calling it.
   lock.unlock();
   call.stub->async()->Sync(&call.context, &call.request, &call.response, [this, &call](grpc::Status status) {
@@ -198,6 +197,21 @@ void Supervisor::carry_out(Call& call, Lock& lock) {
     changed_.notify_all();
   });
   lock.lock();
+  try {
+    await(call, lock);
+  } catch (...) {
+    // The library writes into the call until it is done with it.
+    if (!lock.owns_lock()) lock.lock();
+    lock.unlock();
+    call.context.TryCancel();
+    lock.lock();
+    changed_.wait(lock, [&] { return call.done; });
+    throw;
+  }
+}
+
+void Supervisor::await(Call& call, Lock& lock) {
+  const auto renewal = renewal_interval();
   while (!call.done) {
     changed_.wait_for(lock, call.cut ? kTick : std::min(kTick, kYoungCall), [&] { return call.done; });
     if (call.done) return;

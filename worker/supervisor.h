@@ -61,6 +61,7 @@ class Supervisor {
   v1::SyncRequest make_request();
   /// Makes the call and waits for its end; ends it early when there is news. Called and returns with `lock` held.
   void carry_out(Call& call, std::unique_lock<std::mutex>& lock);
+  void await(Call& call, std::unique_lock<std::mutex>& lock);
   /// Acts on the answer; returns how long to wait before the next call.
   std::chrono::milliseconds take_answer(const Call& call);
   std::chrono::milliseconds back_off();
