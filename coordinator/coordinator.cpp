@@ -259,8 +259,8 @@ void Coordinator::blob_lost(const std::string& digest) {
   for (const std::string& manifest : manifests) {
     const std::string reason = lacking(manifest);
     if (reason.empty()) continue;
-    spdlog::error("{}", reason);
     locked([&] {
+      if (!scheduler_->lost_scenes().contains(manifest)) spdlog::error("{}", reason);
       scheduler_->scene_lost(manifest, reason);
       ++changes_;
     });
