@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "rpc/blob_transfer.h"
 #include "rpc/channel.h"
@@ -287,7 +288,8 @@ milliseconds Supervisor::take_answer(const Call& call) {
       if (++aborts_in_a_row_ >= kMaxAborts) end(1, "another process uses this worker's identity: " + call.status.error_message());
       return back_off();
     default:
-      if (connected_ || failures_in_a_row_ == 0)
+      // Once for each reason: a coordinator that is away, and then one that refuses by name, are two.
+      if (connected_ || failures_in_a_row_ == 0 || std::exchange(last_problem_, call.status.error_message()) != call.status.error_message())
         spdlog::warn("no answer from the coordinator at {}: {} ({}); work goes on, trying again", addresses_[address_ % addresses_.size()],
                      call.status.error_message(), rpc::code_name(rpc::from_grpc(call.status.error_code())));
       connected_ = false;

@@ -102,7 +102,7 @@ class Supervisor {
   uint64_t attempts_ = 0;
   int failures_in_a_row_ = 0, aborts_in_a_row_ = 0;
   bool connected_ = false;
-  std::string last_notice_;
+  std::string last_notice_, last_problem_;
   bool draining_ = false, finished_ = false;
   BootTime drain_deadline_{0};
   int exit_code_ = 0;
