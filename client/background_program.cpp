@@ -21,14 +21,24 @@ namespace fs = std::filesystem;
 fs::path program_folder() { return fs::read_symlink("/proc/self/exe").parent_path(); }
 
 BackgroundProgram::BackgroundProgram(const std::string& program, const std::vector<std::string>& arguments, const fs::path& log)
-    : name_(log.stem()), log_(log) {
-  const std::string path = program_folder() / program;
+    : name_(log.stem()), program_(program), arguments_(arguments), log_(log) {
+  start(O_TRUNC);
+}
+
+void BackgroundProgram::start_again() {
+  status_.reset();
+  pid_ = -1;
+  start(O_APPEND);
+}
+
+void BackgroundProgram::start(int log_flags) {
+  const std::string path = program_folder() / program_;
   if (::access(path.c_str(), X_OK) != 0)
     throw std::runtime_error(fmt::format("{} is missing: build or install it beside this program", path));
-  const int output = ::open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (output < 0) throw std::runtime_error(fmt::format("cannot write {}: {}", log.string(), std::strerror(errno)));
+  const int output = ::open(log_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | log_flags, 0644);
+  if (output < 0) throw std::runtime_error(fmt::format("cannot write {}: {}", log_.string(), std::strerror(errno)));
   std::vector<std::string> words{path};
-  words.insert(words.end(), arguments.begin(), arguments.end());
+  words.insert(words.end(), arguments_.begin(), arguments_.end());
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
@@ -60,7 +70,7 @@ BackgroundProgram::~BackgroundProgram() {
 }
 
 bool BackgroundProgram::running() {
-  if (status_) return false;
+  if (status_ || pid_ <= 0) return false;
   int status = 0;
   if (::waitpid(pid_, &status, WNOHANG) != pid_) return true;
   status_ = status;
@@ -68,6 +78,7 @@ bool BackgroundProgram::running() {
 }
 
 std::string BackgroundProgram::how_it_ended() const {
+  if (pid_ <= 0) return "could not be started";
   if (!status_) return "still runs";
   if (WIFSIGNALED(*status_)) return fmt::format("was ended by {}", ::sigdescr_np(WTERMSIG(*status_)));
   return fmt::format("ended with code {}", WEXITSTATUS(*status_));

@@ -15,12 +15,16 @@ namespace woodcock {
 /// started it ends. Its output goes to a log file.
 class BackgroundProgram {
  public:
-  /// `program` lies in the folder of this executable. Throws std::runtime_error when it cannot be started.
+  /// `program` lies in the folder of this executable. Its log is begun anew. Throws std::runtime_error when it cannot be started.
   BackgroundProgram(const std::string& program, const std::vector<std::string>& arguments, const std::filesystem::path& log);
   /// Kills what still runs.
   ~BackgroundProgram();
   BackgroundProgram(const BackgroundProgram&) = delete;
   BackgroundProgram& operator=(const BackgroundProgram&) = delete;
+
+  /// Starts it again after it has ended, with the same arguments, or those given; its log goes on. Throws as the constructor does.
+  void start_again();
+  void set_arguments(const std::vector<std::string>& arguments) { arguments_ = arguments; }
 
   const std::string& name() const { return name_; }
   pid_t pid() const { return pid_; }
@@ -33,7 +37,10 @@ class BackgroundProgram {
   std::string last_output() const;
 
  private:
-  std::string name_;
+  void start(int log_flags);
+
+  std::string name_, program_;
+  std::vector<std::string> arguments_;
   std::filesystem::path log_;
   pid_t pid_ = -1;
   std::optional<int> status_;

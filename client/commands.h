@@ -20,6 +20,7 @@ void add_fetch_command(CLI::App& app, int& code);
 void add_cancel_command(CLI::App& app, int& code);
 void add_pause_command(CLI::App& app, int& code);
 void add_resume_command(CLI::App& app, int& code);
+void add_repin_command(CLI::App& app, int& code);
 void add_extend_command(CLI::App& app, int& code);
 void add_workers_command(CLI::App& app, int& code);
 void add_sweep_command(CLI::App& app, int& code);

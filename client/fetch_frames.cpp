@@ -7,8 +7,10 @@
 #include <filesystem>
 #include <memory>
 #include <stdexcept>
+#include <thread>
 
 #include "client/health.h"
+#include "client/interrupt.h"
 #include "client/job_view.h"
 #include "client/output_path.h"
 #include "renderer/accuracy/error.h"
@@ -54,7 +56,16 @@ void download_frame(Service& service, const std::string& digest, const fs::path&
   const fs::path nodes = nodes_path(picture);
   // The old pair stays until the new one is complete.
   const fs::path arrived = nodes.string() + ".new";
-  rpc::download_file(service.blobs(), digest, arrived.string(), true);
+  const auto deadline = std::chrono::steady_clock::now() + service.patience();
+  for (bool here = false; !here;) {
+    try {
+      rpc::download_file(service.blobs(), digest, arrived.string(), true);
+      here = true;
+    } catch (const rpc::RpcError& error) {
+      if (!rpc::is_retryable(error.code()) || interrupt_flag() || std::chrono::steady_clock::now() > deadline) throw;
+      std::this_thread::sleep_for(std::chrono::seconds(1));
+    }
+  }
   try {
     const std::unique_ptr<AtomicFile> made = make_picture(arrived, picture);
     fs::rename(arrived, nodes);

@@ -171,7 +171,8 @@ void add_fetch_command(CLI::App& app, int& code) {
   command->add_option("-o,--output", options->fetch.output,
                       "EXR to write; #### stands for the frame's number; without it the job's name, which must not exist yet");
   command->add_option("--frame", options->fetch.frame, "Only this frame");
-  command->add_flag("--partial", options->fetch.partial, "Take what is finished so far: pixels without samples stay black (exit code 3)");
+  command->add_flag("--partial", options->fetch.partial,
+                    "Take what is finished so far: the first samples of each pixel that there are (exit code 3)");
   command->footer("Examples:\n  woodcock fetch JOB -o cloud.exr\n  woodcock fetch JOB --partial -o preview.exr");
   command->callback([options, &code] {
     Service service(options->service);
@@ -205,6 +206,23 @@ void add_resume_command(CLI::App& app, int& code) {
   add_job_command(app, "resume", "Go on with a paused job", options)->footer("Example:\n  woodcock resume JOB")->callback([options, &code] {
     code = act<v1::ResumeJobRequest, v1::ResumeJobResponse>(*options, &v1::JobsService::Stub::ResumeJob, {}, "resuming");
   });
+}
+
+void add_repin_command(CLI::App& app, int& code) {
+  auto options = std::make_shared<JobOptions>();
+  add_job_command(app, "repin", "Start the frames of a job again whose render build no connected worker has, e.g. after an upgrade",
+                  options)
+      ->footer("Example:\n  woodcock repin JOB")
+      ->callback([options, &code] {
+        Service service(options->service);
+        v1::RepinJobRequest request;
+        request.set_job_id(options->job);
+        v1::RepinJobResponse response;
+        service.call(&v1::JobsService::Stub::RepinJob, request, response, "starting job " + options->job + " again");
+        if (!options->json) fmt::print("frames that start again: {}\n", response.frames());
+        report(response.job(), options->json);
+        code = 0;
+      });
 }
 
 void add_extend_command(CLI::App& app, int& code) {

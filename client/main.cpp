@@ -31,6 +31,7 @@ int main(int argc, char** argv) {
   woodcock::add_cancel_command(app, code);
   woodcock::add_pause_command(app, code);
   woodcock::add_resume_command(app, code);
+  woodcock::add_repin_command(app, code);
   woodcock::add_extend_command(app, code);
   woodcock::add_workers_command(app, code);
   woodcock::add_sweep_command(app, code);

@@ -5,11 +5,12 @@
 #include <chrono>
 #include <thread>
 
+#include "client/interrupt.h"
+
 namespace woodcock {
 namespace {
 
 constexpr std::chrono::seconds kConnect{3};
-constexpr std::chrono::seconds kPatience{30};
 
 }  // namespace
 
@@ -30,10 +31,10 @@ Service::Service(const ServiceOptions& options) : address_(options.coordinator),
 }
 
 void Service::repeat(const std::function<grpc::Status()>& attempt, const std::string& what) {
-  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  const auto deadline = std::chrono::steady_clock::now() + patience_;
   while (true) {
     const grpc::Status status = attempt();
-    if (status.error_code() != grpc::StatusCode::UNAVAILABLE || std::chrono::steady_clock::now() > deadline)
+    if (status.error_code() != grpc::StatusCode::UNAVAILABLE || std::chrono::steady_clock::now() > deadline || interrupt_flag())
       return rpc::throw_if_failed(status, what);
     std::this_thread::sleep_for(std::chrono::milliseconds(500));
   }

@@ -4,6 +4,7 @@
 #include <grpcpp/client_context.h>
 #include <CLI/CLI.hpp>
 
+#include <chrono>
 #include <memory>
 #include <string>
 #include <vector>
@@ -29,6 +30,10 @@ class Service {
   /// Throws rpc::RpcError with a sentence for the user when nobody answers within 3 s.
   explicit Service(const ServiceOptions& options);
 
+  /// From now on calls wait for the coordinator as long as it is away, until the user interrupts: for who waits for a job anyway.
+  void wait_for_ever() { patience_ = std::chrono::hours(24 * 365); }
+  std::chrono::seconds patience() const { return patience_; }
+
   v1::JobsService::Stub& jobs() { return *jobs_; }
   v1::BlobsService::Stub& blobs() { return *blobs_; }
   const std::string& address() const { return address_; }
@@ -37,7 +42,7 @@ class Service {
   v1::Job job(const std::string& job_id);
 
   /// One call of JobsService that answers at once, e.g. call(&v1::JobsService::Stub::PauseJob, request, response, "pausing").
-  /// Repeats it for 30 s while the coordinator is away: all of them are idempotent. Throws rpc::RpcError.
+  /// Repeats it for 30 s, or as wait_for_ever() says, while the coordinator is away: all of them are idempotent. Throws rpc::RpcError.
   template <typename Method, typename Request, typename Response>
   void call(Method method, const Request& request, Response& response, const std::string& what,
             std::chrono::milliseconds deadline = rpc::kCallDeadline) {
@@ -71,6 +76,7 @@ class Service {
   void repeat(const std::function<grpc::Status()>& attempt, const std::string& what);
 
   std::string address_;
+  std::chrono::seconds patience_{30};
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::JobsService::Stub> jobs_;
   std::unique_ptr<v1::BlobsService::Stub> blobs_;

@@ -127,6 +127,7 @@ int run(const SubmitOptions& options) {
   if (follow) {
     const auto job = watch_job_on_terminal(service, id, options.json);
     if (!job) return 1;
+    service.wait_for_ever();
     code = exit_code(job->state());
     report["job"] = job_json(*job);
     if (!options.json && job->has_quote_outcome()) fmt::print(stderr, "became    {}\n", outcome_line(*job));

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <thread>
 
 #include "client/background_program.h"
@@ -24,6 +25,10 @@ constexpr std::chrono::seconds kStart{60};
 constexpr milliseconds kTick{50};
 /// For finishing what runs when we end; what takes longer is rendered again at the next start.
 constexpr int kDrainSeconds = 3;
+
+/// Between the end of a program and its next start: doubled each time, and short again once it has run for a while.
+constexpr milliseconds kFirstRestart{500}, kLastRestart{30'000};
+constexpr std::chrono::seconds kRunsWell{60};
 
 struct UpOptions {
   std::string folder = "woodcock-service", host = "127.0.0.1";
@@ -51,6 +56,47 @@ bool wait_until(const Programs& programs, const std::string& what, Condition con
   }
   return true;
 }
+
+/// Starts programs again that have ended, one by one, each with a back-off of its own.
+class Keeper {
+ public:
+  explicit Keeper(Programs& programs) : programs_(programs), states_(programs.size()) {}
+
+  /// Call it often.
+  void look_after() {
+    const auto now = Clock::now();
+    for (size_t i = 0; i < programs_.size(); ++i) {
+      BackgroundProgram& program = *programs_[i];
+      State& state = states_[i];
+      if (program.running()) continue;
+      if (!state.again_at) {
+        if (now - state.started > kRunsWell) state.pause = kFirstRestart;
+        fmt::print(stderr, "{} {}: it is started again in {:.1f} s. Its last output:\n{}\n", program.name(), program.how_it_ended(),
+                   1e-3 * static_cast<double>(state.pause.count()), program.last_output());
+        state.again_at = now + state.pause;
+        state.pause = std::min(2 * state.pause, kLastRestart);
+      } else if (now >= *state.again_at) {
+        state.again_at.reset();
+        state.started = now;
+        try {
+          program.start_again();
+        } catch (const std::exception& error) {
+          fmt::print(stderr, "{}\n", error.what());
+        }
+      }
+    }
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  struct State {
+    Clock::time_point started = Clock::now();
+    std::optional<Clock::time_point> again_at;
+    milliseconds pause = kFirstRestart;
+  };
+  Programs& programs_;
+  std::vector<State> states_;
+};
 
 /// Ends them in this order: workers first, so that they can hand in what they have.
 void stop(Programs& programs) {
@@ -109,8 +155,11 @@ void serve(const UpOptions& options, const fs::path& folder, Programs& programs)
     fmt::print("stop with Ctrl-C; jobs go on at the next start\n");
   }
   std::fflush(stdout);
+  // Workers know this address: a coordinator that is started again listens there, also where the port was any free one.
+  programs.front()->set_arguments({"--dir", coordinator_folder.string(), "--listen", address});
+  Keeper keeper(programs);
   while (!interrupt_flag()) {
-    check_running(programs);
+    keeper.look_after();
     std::this_thread::sleep_for(kTick);
   }
 }
@@ -132,7 +181,8 @@ int run(const UpOptions& options) {
 }  // namespace
 
 void add_up_command(CLI::App& app, int& code) {
-  auto* command = app.add_subcommand("up", "Run a coordinator and workers on this machine until Ctrl-C");
+  auto* command =
+      app.add_subcommand("up", "Run a coordinator and workers on this machine until Ctrl-C; what ends by itself is started again");
   auto options = std::make_shared<UpOptions>();
   command->add_option("--workers", options->workers, "Number of workers")->check(CLI::Range(1, 256))->capture_default_str();
   command->add_option("--threads-per-worker", options->threads, "Threads of each; 0 shares the processors among them")

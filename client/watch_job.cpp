@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <thread>
+#include <utility>
 
 #include "client/interrupt.h"
 #include "client/job_view.h"
@@ -15,8 +16,8 @@ namespace woodcock {
 namespace {
 
 using std::chrono::milliseconds;
-constexpr std::chrono::minutes kPatience{5};
 constexpr std::chrono::minutes kStreamDeadline{60};
+constexpr milliseconds kFirstPause{300}, kLastPause{5'000};
 
 /// Cancels a call when the user interrupts, for as long as it lives.
 class CancelOnInterrupt {
@@ -38,6 +39,11 @@ class CancelOnInterrupt {
   std::thread watcher_;
 };
 
+/// Whether the coordinator may answer otherwise later. A call that it cuts off when it stops is CANCELLED, a torn stream INTERNAL.
+bool may_pass(rpc::Code code) {
+  return rpc::is_retryable(code) || code == rpc::Code::kCancelled || code == rpc::Code::kInternal || code == rpc::Code::kUnknown;
+}
+
 /// Whether an event is more than the ordinary course of things.
 bool is_remarkable(v1::JobEventKind kind) {
   switch (kind) {
@@ -57,9 +63,20 @@ bool is_remarkable(v1::JobEventKind kind) {
 
 }  // namespace
 
-std::optional<v1::Job> watch_job(Service& service, const std::string& job_id, const JobUpdate& update) {
+std::optional<v1::Job> watch_job(Service& service, const std::string& job_id, const JobUpdate& update,
+                                 const std::function<void(const std::string&)>& say) {
   int64_t cursor = 0;
-  auto last_heard = std::chrono::steady_clock::now();
+  bool away = false;
+  milliseconds pause = kFirstPause;
+  const auto answers = [&] {
+    if (std::exchange(away, false) && say) say("the coordinator answers again");
+    pause = kFirstPause;
+  };
+  const auto is_away = [&](const std::string& why) {
+    if (!std::exchange(away, true) && say) say("the coordinator does not answer (" + why + "): waiting for it; the job goes on");
+    std::this_thread::sleep_for(pause);
+    pause = std::min(2 * pause, kLastPause);
+  };
   while (!interrupt_flag()) {
     v1::WatchJobRequest request;
     request.set_job_id(job_id);
@@ -72,21 +89,28 @@ std::optional<v1::Job> watch_job(Service& service, const std::string& job_id, co
       const auto reader = service.jobs().WatchJob(&context, request);
       v1::WatchJobResponse response;
       while (reader->Read(&response)) {
-        last_heard = std::chrono::steady_clock::now();
+        answers();
         for (const v1::JobEvent& event : response.events()) cursor = std::max(cursor, event.number());
         update(response);
       }
       status = reader->Finish();
     }
     if (interrupt_flag()) break;
-    if (!status.ok() && !rpc::is_retryable(status)) rpc::throw_if_failed(status, "watching job " + job_id);
-    if (status.ok()) {
-      const v1::Job job = service.job(job_id);
-      if (has_ended(job.state())) return job;
-    } else if (std::chrono::steady_clock::now() - last_heard > kPatience) {
-      rpc::throw_if_failed(status, "watching job " + job_id + ": the coordinator has been away for five minutes");
+    if (!status.ok()) {
+      if (!may_pass(rpc::from_grpc(status.error_code()))) rpc::throw_if_failed(status, "watching job " + job_id);
+      // The stream has its own deadline, and is begun again then.
+      if (status.error_code() != grpc::StatusCode::DEADLINE_EXCEEDED) is_away(status.error_message());
+      continue;
     }
-    std::this_thread::sleep_for(milliseconds(300));
+    try {
+      const v1::Job job = service.job(job_id);
+      answers();
+      if (has_ended(job.state())) return job;
+      std::this_thread::sleep_for(kFirstPause);
+    } catch (const rpc::RpcError& error) {
+      if (!may_pass(error.code())) throw;
+      is_away(error.what());
+    }
   }
   return std::nullopt;
 }
@@ -113,7 +137,11 @@ std::optional<v1::Job> watch_job_on_terminal(Service& service, const std::string
     line.show(std::min(1.0, done / static_cast<double>(progress.samples_total())),
               format_count(progress.samples_per_second()) + (job.has_target() ? "samples/s, this pass" : "samples/s"));
   };
-  auto job = watch_job(service, job_id, show);
+  auto job = watch_job(service, job_id, show, [&](const std::string& text) {
+    if (quiet) return;
+    line.finish();
+    fmt::print(stderr, "{}\n", text);
+  });
   line.finish();
   if (!job && !quiet) fmt::print(stderr, "stopped watching; the job goes on: woodcock watch {}\n", job_id);
   return job;

@@ -64,16 +64,34 @@ struct BlobStore::Upload::State {
 };
 
 BlobStore::BlobStore(const BlobStoreOptions& options, Time now) : options_(options), started_(now) {
+  std::error_code ignored;
+  fs::remove_all(options.dir + "/temporary", ignored);
+  for (const char* name : {"/temporary", "/blobs", "/uploads"}) ensure_folder(options.dir + name);
+}
+
+/// Moves what stands where a file or folder of ours belongs out of the way: a link, or a folder with anything in it. The folder of
+/// temporary files is emptied at every start.
+void BlobStore::clear_the_way(const std::string& path) const {
   std::error_code error;
-  fs::remove_all(options.dir + "/temporary", error);
-  for (const char* name : {"/blobs", "/uploads", "/temporary"}) {
-    fs::create_directories(options.dir + name, error);
-    if (error) throw BlobError(BlobError::Kind::Io, "cannot make the folder " + options.dir + name + ": " + error.message());
-  }
+  if (fs::symlink_status(path, error).type() == fs::file_type::not_found) return;
+  fs::rename(path, options_.dir + "/temporary/set-aside-" + std::to_string(++set_aside_), error);
+  if (error) fs::remove_all(path, error);
+}
+
+void BlobStore::ensure_folder(const std::string& path) const {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (!error && fs::is_directory(path, error)) return;
+  clear_the_way(path);
+  fs::create_directories(path, error);
+  if (error) throw BlobError(BlobError::Kind::Io, "cannot make the folder " + path + ": " + error.message());
 }
 
 std::string BlobStore::path(const std::string& digest) const { return options_.dir + "/blobs/" + digest.substr(0, 2) + "/" + digest; }
-std::string BlobStore::temporary(const std::string& name) const { return options_.dir + "/temporary/" + name; }
+std::string BlobStore::temporary(const std::string& name) const {
+  ensure_folder(options_.dir + "/temporary");
+  return options_.dir + "/temporary/" + name;
+}
 std::optional<int64_t> BlobStore::size(const std::string& digest) const { return file_size(path(digest)); }
 bool BlobStore::contains(const std::string& digest) const { return size(digest).has_value(); }
 
@@ -130,7 +148,10 @@ BlobStore::Upload::Upload(BlobStore& store, std::string digest, int64_t total, i
       path_(store.options_.dir + "/uploads/" + digest_ + ".part"),
       total_(total),
       state_(std::make_unique<State>()) {
-  const int64_t there = file_size(path_).value_or(0);
+  store_.ensure_folder(store_.options_.dir + "/uploads");
+  const std::optional<int64_t> size = file_size(path_);
+  if (!size) store_.clear_the_way(path_);
+  const int64_t there = size.value_or(0);
   // Offset 0 begins again, whatever is there.
   if (offset != 0 && offset != there)
     throw BlobError(BlobError::Kind::WrongOffset,
@@ -179,7 +200,11 @@ void BlobStore::publish(const std::string& from, const std::string& digest, Time
   options_.failpoint(synced);
   const std::string to = path(digest), folder = options_.dir + "/blobs/" + digest.substr(0, 2);
   std::error_code error;
-  if (fs::create_directory(folder, error)) sync_path(options_.dir + "/blobs", O_RDONLY | O_DIRECTORY);
+  if (!fs::is_directory(folder, error)) {
+    ensure_folder(folder);
+    sync_path(options_.dir + "/blobs", O_RDONLY | O_DIRECTORY);
+  }
+  if (fs::is_directory(to, error)) clear_the_way(to);
   if (::rename(from.c_str(), to.c_str()) != 0) fail("renaming " + from, errno);
   options_.failpoint(renamed);
   sync_path(folder, O_RDONLY | O_DIRECTORY);
@@ -214,16 +239,44 @@ std::string BlobStore::read(const std::string& digest, int64_t max_bytes) const 
   return content;
 }
 
-bool BlobStore::verify(const std::string& digest) const {
-  if (!contains(digest)) return false;
-  Sha256 hash;
-  hash_file(path(digest), hash);
-  return hash.hex() == digest;
+bool BlobStore::verify(const std::string& digest, std::string* why) const {
+  std::string reason = "the file " + path(digest) + " is gone";
+  if (contains(digest)) {
+    try {
+      Sha256 hash;
+      hash_file(path(digest), hash);
+      if (hash.hex() == digest) return true;
+      reason = "the content of " + path(digest) + " is not that of its digest";
+    } catch (const BlobError& error) {
+      reason = error.what();
+    }
+  }
+  if (why) *why = reason;
+  return false;
 }
 
-void BlobStore::remove(const std::string& digest) { ::unlink(path(digest).c_str()); }
+void BlobStore::remove(const std::string& digest) const {
+  if (::unlink(path(digest).c_str()) != 0 && errno != ENOENT) clear_the_way(path(digest));
+}
 
-size_t BlobStore::sweep(const std::set<std::string>& referenced, Time now) {
+namespace {
+
+/// The names in a folder. What cannot be read is told to `warn`; a folder that is not there is empty.
+std::vector<fs::path> names_in(const fs::path& folder, const std::function<void(const std::string&)>& warn) {
+  std::vector<fs::path> paths;
+  std::error_code error;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) paths.push_back(it->path());
+  if (error && error != std::errc::no_such_file_or_directory) warn("the folder " + folder.string() + " cannot be read: " + error.message());
+  return paths;
+}
+
+bool is_hexadecimal(const std::string& name, size_t length) {
+  return name.size() == length && name.find_first_not_of("0123456789abcdef") == std::string::npos;
+}
+
+}  // namespace
+
+size_t BlobStore::sweep(const std::set<std::string>& referenced, Time now, const std::function<void(const std::string&)>& warn) {
   // Pins are not remembered over a restart: then everything counts as pinned when the coordinator started.
   if (now - started_ < options_.pin) return 0;
   size_t removed = 0;
@@ -233,12 +286,17 @@ size_t BlobStore::sweep(const std::set<std::string>& referenced, Time now) {
     if (pin != pins_.end() && pin->second <= now) pins_.erase(pin);
     return uploading_.contains(digest) || pins_.contains(digest);
   };
-  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(options_.dir + "/blobs")) {
-    if (!entry.is_regular_file() || referenced.contains(entry.path().filename()) || kept(entry.path().filename())) continue;
-    removed += ::unlink(entry.path().c_str()) == 0;
+  // Where blobs are a volume of its own, its lost+found lies among them.
+  for (const fs::path& folder : names_in(options_.dir + "/blobs", warn)) {
+    if (!is_hexadecimal(folder.filename(), 2)) continue;
+    for (const fs::path& path : names_in(folder, warn)) {
+      const std::string name = path.filename();
+      if (!is_hexadecimal(name, 64) || referenced.contains(name) || kept(name)) continue;
+      removed += ::unlink(path.c_str()) == 0;
+    }
   }
-  for (const fs::directory_entry& entry : fs::directory_iterator(options_.dir + "/uploads"))
-    if (!kept(entry.path().stem())) removed += ::unlink(entry.path().c_str()) == 0;
+  for (const fs::path& path : names_in(options_.dir + "/uploads", warn))
+    if (!kept(path.stem())) removed += ::unlink(path.c_str()) == 0;
   return removed;
 }
 

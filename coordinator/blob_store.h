@@ -1,6 +1,7 @@
 // Files named by the SHA-256 of their content, in a folder: blobs/ab/abcd…, uploads in uploads/abcd….part.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -45,7 +46,7 @@ class BlobStore {
   /// Size in bytes; nullopt if absent.
   std::optional<int64_t> size(const std::string& digest) const;
   std::string path(const std::string& digest) const;
-  /// A fresh name in the folder of temporary files, on the same file system.
+  /// A name in the folder of temporary files, which is on the same file system and made again if it has gone.
   std::string temporary(const std::string& name) const;
 
   /// Keeps the blob until now + pin.
@@ -84,22 +85,28 @@ class BlobStore {
   /// Makes a finished temporary file a blob and returns its digest.
   std::string adopt(const std::string& temporary_path, Time now);
   std::string read(const std::string& digest, int64_t max_bytes) const;
-  /// Reads the blob again: whether its content still has the digest.
-  bool verify(const std::string& digest) const;
-  /// Throws away a blob that is damaged.
-  void remove(const std::string& digest);
-  /// Removes blobs and partial uploads that are neither pinned nor referenced; returns how many.
-  size_t sweep(const std::set<std::string>& referenced, Time now);
+  /// Reads the blob again: whether its content still has the digest. What cannot be read is damaged; `why`, if given, gets a
+  /// sentence then.
+  bool verify(const std::string& digest, std::string* why = nullptr) const;
+  /// Throws away a blob that is damaged, whatever stands in its place.
+  void remove(const std::string& digest) const;
+  /// Removes blobs and partial uploads that are neither pinned nor referenced; returns how many. What is not the store's is left
+  /// alone, what cannot be read is passed over and told to `warn`.
+  size_t sweep(
+      const std::set<std::string>& referenced, Time now, const std::function<void(const std::string&)>& warn = [](const std::string&) {});
 
   /// A sentence while there is too little room, else empty.
   std::string shortage() const;
 
  private:
   void check_room(int64_t bytes) const;
+  void clear_the_way(const std::string& path) const;
+  void ensure_folder(const std::string& path) const;
   void publish(const std::string& from, const std::string& digest, Time now, const char* synced, const char* renamed);
 
   const BlobStoreOptions options_;
   mutable std::mutex mutex_;
+  mutable std::atomic<uint64_t> set_aside_{0};
   std::set<std::string> uploading_;   // guarded by mutex_
   std::map<std::string, Time> pins_;  // guarded by mutex_: kept until
   Time started_ = 0;

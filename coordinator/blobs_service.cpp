@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include "coordinator/services.h"
+#include "renderer/core/sha256.h"
 #include "rpc/convert.h"
 #include "rpc/limits.h"
 #include "rpc/status.h"
@@ -141,15 +142,24 @@ grpc::Status BlobsService::Download(grpc::ServerContext* context, const v1::Down
     const std::string& digest = rpc::checked_digest(request->content_digest(), "content_digest");
     blobs.pin(digest, coordinator_.now());
     const std::optional<int64_t> size = blobs.size(digest);
-    if (!size) rpc::fail_not_found("there is no blob " + digest);
+    if (!size) {
+      coordinator_.blob_lost(digest);
+      rpc::fail_not_found("there is no blob " + digest);
+    }
     int64_t offset = request->offset_bytes();
     if (offset < 0 || offset > *size) throw rpc::RpcError(rpc::Code::kOutOfRange, "the blob has " + std::to_string(*size) + " bytes");
     const int fd = ::open(blobs.path(digest).c_str(), O_RDONLY | O_CLOEXEC);
-    if (fd < 0) rpc::fail_not_found("there is no blob " + digest);
+    if (fd < 0) {
+      coordinator_.blob_lost(digest);
+      rpc::fail_not_found("there is no blob " + digest);
+    }
     v1::DownloadResponse response;
     response.set_total_bytes(*size);
     std::string& chunk = *response.mutable_chunk();
     bool open = true, failed = false;
+    // A reader that goes on in the middle checks the whole itself, and begins again where it does not hold.
+    const bool whole = offset == 0;
+    Sha256 hash;
     // An empty blob has one empty message.
     do {
       chunk.resize(rpc::kChunkBytes / 2);
@@ -158,12 +168,16 @@ grpc::Status BlobsService::Download(grpc::ServerContext* context, const v1::Down
       if (failed) break;
       chunk.resize(static_cast<size_t>(n));
       offset += n;
+      if (whole) hash.raw(chunk.data(), chunk.size());
       open = writer->Write(response);
       watch.moved();
       response.clear_total_bytes();
     } while (open && offset < *size);
     ::close(fd);
-    if (failed) throw rpc::RpcError(rpc::Code::kDataLoss, "blob " + digest + " cannot be read");
+    if (failed || (open && whole && hash.hex() != digest)) {
+      coordinator_.blob_lost(digest);
+      throw rpc::RpcError(rpc::Code::kDataLoss, "blob " + digest + " is damaged on the coordinator's disk");
+    }
   });
 }
 

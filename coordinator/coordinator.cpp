@@ -27,9 +27,12 @@ Coordinator::Coordinator(const CoordinatorOptions& options)
     : options_(options),
       blobs_({options.dir, options.min_free_bytes, options.pin, options.failpoint}, options.now()),
       store_(std::make_unique<Store>(StoreOptions{options.dir, options.address, options.on_fatal})),
-      address_(options.address) {
+      address_(options.address),
+      leader_id_(random_id().substr(0, 16)) {
   SchedulerOptions scheduler = options.scheduler;
   scheduler.leader_term = store_->term();
+  scheduler.leader_id = leader_id_;
+  spdlog::info("cluster {}, leader term {}", store_->cluster_id(), store_->term());
   scheduler_ = std::make_unique<Scheduler>(scheduler);
   recover();
   assembler_ = std::thread([this] { run_assembler(); });
@@ -73,8 +76,17 @@ Coordinator::Completions Coordinator::pump() {
   Completions completions;
   // Answers may lease and so make new actions, which change what other held calls are told.
   for (std::vector<Action> actions = scheduler_->take_actions();;) {
-    for (const Action& action : actions) carry_out(action);
-    for (auto it = held_.begin(); it != held_.end();) it = try_answer(it->first, it->second, completions) ? held_.erase(it) : std::next(it);
+    for (const Action& action : actions)
+      if (const auto error = rpc::failure_of([&] { carry_out(action); })) spdlog::error("carrying out a decision failed: {}", *error);
+    for (auto it = held_.begin(); it != held_.end();) {
+      bool answered = false;
+      if (const auto error = rpc::failure_of([&] { answered = try_answer(it->first, it->second, completions); })) {
+        spdlog::error("no answer for worker {}: {}", it->first, *error);
+        completions.push_back([done = it->second.done, error] { done({rpc::Code::kInternal, *error}, {}); });
+        answered = true;
+      }
+      it = answered ? held_.erase(it) : std::next(it);
+    }
     actions = scheduler_->take_actions();
     if (actions.empty()) break;
   }
@@ -186,6 +198,14 @@ void Coordinator::carry_out(const Action& any) {
             if (has_ended(row.state)) done = [this] { options_.failpoint("after-frame-row"); };
             store_->write([save, row](StoreSession& session) { session.save_frame(save.job, save.frame, row); }, std::move(done));
           },
+          [&](const action::ResetFrame& reset) {
+            changed();
+            const FrameRow& row = must_find(reset.job).frames[static_cast<size_t>(reset.frame)].row;
+            store_->write([reset, row](StoreSession& session) {
+              session.reset_frame(reset.job, reset.frame);
+              session.save_frame(reset.job, reset.frame, row);
+            });
+          },
           [&](const action::LogEvent& log) {
             JobEvent event = log.event;
             event.number = ++last_event_[log.job];
@@ -209,7 +229,58 @@ size_t Coordinator::sweep() {
       return 0;
     }
   }
-  return blobs_.sweep(referenced, options_.now());
+  return blobs_.sweep(referenced, options_.now(), [](const std::string& warning) { spdlog::warn("clean-up: {}", warning); });
+}
+
+std::string Coordinator::lacking(const std::string& manifest_digest) const {
+  const std::string advice = " is damaged or missing on the coordinator: submit the scene again, then this job goes on";
+  v1::SceneManifest manifest;
+  if (rpc::failure_of([&] { manifest = rpc::parse_manifest(blobs_.read(manifest_digest, rpc::kMaxManifestBytes)); }))
+    return "the list of the scene's files" + advice;
+  for (const v1::SceneFile& file : manifest.files())
+    if (!blobs_.contains(file.content_digest())) return "the scene's file " + file.path() + advice;
+  return {};
+}
+
+void Coordinator::blob_lost(const std::string& digest) {
+  std::string why;
+  if (blobs_.verify(digest, &why)) return;
+  if (blobs_.contains(digest)) spdlog::error("a blob is thrown away: {}", why);
+  blobs_.remove(digest);
+  std::set<std::string> manifests;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const auto& [id, job] : scheduler_->jobs()) {
+      if (has_ended(job.row.state)) continue;
+      for (const Frame& frame : job.frames)
+        if (!has_ended(frame.row.state)) manifests.insert(frame.spec.manifest_digest);
+    }
+  }
+  for (const std::string& manifest : manifests) {
+    const std::string reason = lacking(manifest);
+    if (reason.empty()) continue;
+    locked([&] {
+      if (!scheduler_->lost_scenes().contains(manifest)) spdlog::error("{}", reason);
+      scheduler_->scene_lost(manifest, reason);
+      ++changes_;
+    });
+  }
+}
+
+void Coordinator::look_for_lost_scenes() {
+  std::map<std::string, std::string> lost;
+  {
+    const std::lock_guard lock(mutex_);
+    lost = scheduler_->lost_scenes();
+  }
+  for (const auto& [manifest, reason] : lost) {
+    if (!lacking(manifest).empty()) continue;
+    spdlog::info("the scene of manifest {} is whole again", manifest);
+    locked([&] {
+      scheduler_->scene_found(manifest);
+      ++changes_;
+    });
+  }
 }
 
 void Coordinator::run_ticker() {
@@ -221,22 +292,30 @@ void Coordinator::run_ticker() {
     if (stopping_) return;
     lock.unlock();
     const Time now = options_.now();
-    if (now >= next_second) {
-      next_second = now + kSecond;
+    const auto every_second = [&] {
       const std::string found = blobs_.shortage();
       if (found != shortage) spdlog::warn("{}", found.empty() ? "there is room on the disk again" : found);
       shortage = found;
+      look_for_lost_scenes();
       locked([&] {
         scheduler_->hold_leasing(shortage);
         scheduler_->tick(now);
         ++changes_;
       });
-    } else {
-      locked([] {});  // deadlines of held calls
+    };
+    const auto clean_up = [&] {
+      if (const size_t removed = sweep(); removed > 0) spdlog::info("clean-up removed {} files", removed);
+    };
+    const auto answer_overdue = [&] { locked([] {}); };
+    if (now >= next_second) {
+      next_second = now + kSecond;
+      if (const auto error = rpc::failure_of(every_second)) spdlog::error("the tick failed: {}", *error);
+    } else if (const auto error = rpc::failure_of(answer_overdue)) {
+      spdlog::error("the tick failed: {}", *error);
     }
     if (now >= next_sweep) {
       next_sweep = now + 600 * kSecond;
-      if (const size_t removed = sweep(); removed > 0) spdlog::info("clean-up removed {} files", removed);
+      if (const auto error = rpc::failure_of(clean_up)) spdlog::error("the clean-up failed: {}", *error);
     }
     lock.lock();
   }

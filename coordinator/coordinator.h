@@ -65,6 +65,7 @@ class Coordinator {
   v1::Job cancel(const std::string& id);
   v1::Job set_paused(const std::string& id, bool paused);
   v1::Job extend(const std::string& id, int64_t samples, std::optional<double> target_error, double max_seconds = 0);
+  v1::RepinJobResponse repin(const std::string& id);
   v1::GetFrameResponse frame(const std::string& id, uint64_t frame, bool partial);
   std::vector<v1::TaskAttempt> task_log(const std::string& job_id, const std::string& task_id);
   /// Events after the cursor, at most 1000, and the job now. `finished`: it has ended and there are no more events.
@@ -76,6 +77,10 @@ class Coordinator {
   bool cancel_sync(uint64_t token);
   /// Answers all held calls with UNAVAILABLE and refuses new ones.
   void stop_syncs();
+
+  /// A blob could not be handed out. Unless it can be read after all it is thrown away, so that it is asked for again, and jobs whose
+  /// scene it belongs to say what they wait for.
+  void blob_lost(const std::string& digest);
 
   /// Removes blobs that nothing needs; the ticker calls it every ten minutes.
   size_t sweep();
@@ -96,6 +101,7 @@ class Coordinator {
     int frame = 0;
     int attempts = 0;
     Time not_before = 0;
+    uint64_t revision = 0;  ///< of the frame when its merge began
   };
   using Completions = std::vector<std::function<void()>>;
 
@@ -104,6 +110,8 @@ class Coordinator {
   void carry_out(const Action& action);
   bool try_answer(const std::string& worker_id, HeldSync& held, Completions& completions);
   void decide_offers(const std::string& worker_id, HeldSync& held);
+  /// Refuses by name a worker that believes to talk to another coordinator than this one: nothing of its report concerns us.
+  bool meets_a_stranger(const v1::SyncRequest& request, const SyncDone& done);
   template <typename Work>
   auto locked(Work work);
   const Job& must_find(const std::string& id) const;
@@ -111,7 +119,15 @@ class Coordinator {
   AssembleRequest assemble_request(const Job& job, const Frame& frame, std::vector<TaskRef>& tasks) const;
   std::vector<TaskRef> damaged_tiles(const std::vector<TaskRef>& tasks, const std::vector<std::string>& paths) const;
   void reopen(const std::vector<TaskRef>& tasks, const std::string& reason, bool refused_by_merge);
-  void assemble_one(const AssembleJob& job);
+  void assemble_one(AssembleJob& job);
+  /// mutex_ held. Whether the frame was extended, reopened or ended since its merge began.
+  bool is_stale(const AssembleJob& job) const;
+  void merge_failed(const AssembleJob& job, const std::string& error);
+  /// A sentence when a file of the scene, or the manifest itself, is not here.
+  std::string lacking(const std::string& manifest_digest) const;
+  void look_for_lost_scenes();
+  /// Throws RpcError kUnavailable, and has the image merged again, when its file is damaged.
+  void check_image(const std::string& job, int frame, const std::string& digest);
   void run_assembler();
   void run_ticker();
 
@@ -132,6 +148,7 @@ class Coordinator {
   uint64_t changes_ = 1;
   uint64_t next_temporary_ = 0;
   bool stopping_ = false;
+  std::string leader_id_;  // of this start; constant
 
   std::thread assembler_;
   std::thread ticker_;

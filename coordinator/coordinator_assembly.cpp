@@ -8,6 +8,7 @@
 #include "coordinator/coordinator.h"
 #include "coordinator/coordinator_locked.h"
 #include "coordinator/job_view.h"
+#include "coordinator/preview.h"
 #include "rpc/error.h"
 #include "rpc/limits.h"
 
@@ -38,8 +39,12 @@ AssembleRequest Coordinator::assemble_request(const Job& job, const Frame& frame
 /// Those whose file is gone or has another digest than its name says.
 std::vector<TaskRef> Coordinator::damaged_tiles(const std::vector<TaskRef>& tasks, const std::vector<std::string>& paths) const {
   std::vector<TaskRef> damaged;
-  for (size_t i = 0; i < tasks.size(); ++i)
-    if (!blobs_.verify(paths[i].substr(paths[i].rfind('/') + 1))) damaged.push_back(tasks[i]);
+  for (size_t i = 0; i < tasks.size(); ++i) {
+    std::string why;
+    if (blobs_.verify(paths[i].substr(paths[i].rfind('/') + 1), &why)) continue;
+    damaged.push_back(tasks[i]);
+    spdlog::error("the result of task {} is damaged at rest and rendered again: {}", to_string(tasks[i]), why);
+  }
   return damaged;
 }
 
@@ -61,10 +66,27 @@ void Coordinator::reopen(const std::vector<TaskRef>& tasks, const std::string& r
   });
 }
 
-void Coordinator::assemble_one(const AssembleJob& work) {
+bool Coordinator::is_stale(const AssembleJob& work) const {
+  const Job* job = scheduler_->find(work.job);
+  return !job || job->frames[static_cast<size_t>(work.frame)].revision != work.revision;
+}
+
+void Coordinator::merge_failed(const AssembleJob& work, const std::string& error) {
+  const bool short_of_room = !blobs_.shortage().empty();
+  locked([&] {
+    if (is_stale(work)) return;
+    if (short_of_room || work.attempts + 1 < kAttempts) {
+      spdlog::warn("merging a frame of job {} failed and is repeated: {}", work.job, error);
+      to_assemble_.push_back({work.job, work.frame, work.attempts + (short_of_room ? 0 : 1), options_.now() + kSecond});
+    } else {
+      scheduler_->frame_failed(work.job, work.frame, "the image could not be merged: " + error);
+    }
+  });
+}
+
+void Coordinator::assemble_one(AssembleJob& work) {
   AssembleRequest request;
   std::vector<TaskRef> tasks;
-  uint64_t revision = 0;
   std::string reason;
   {
     const std::lock_guard lock(mutex_);
@@ -73,7 +95,7 @@ void Coordinator::assemble_one(const AssembleJob& work) {
     const Frame& frame = job->frames[static_cast<size_t>(work.frame)];
     if (!frame.to_be_assembled()) return;
     request = assemble_request(*job, frame, tasks);
-    revision = frame.revision;
+    work.revision = frame.revision;
     if (job->spec.out_of_time())
       reason = job->spec.time_limit->reason();
     else
@@ -83,25 +105,21 @@ void Coordinator::assemble_one(const AssembleJob& work) {
     request.output_path = blobs_.temporary("frame-" + std::to_string(++next_temporary_) + ".exr");
   }
   if (const std::vector<TaskRef> damaged = damaged_tiles(tasks, request.tile_paths); !damaged.empty()) {
-    spdlog::error("{} tiles of job {} are damaged at rest: they are rendered again", damaged.size(), work.job);
     reopen(damaged, "the result was damaged at rest", false);
     return;
   }
   options_.failpoint("before-merge");
   AssembleResult result = options_.assemble_tiles(request);
   options_.failpoint("after-merge");
-  // mutex_ held. What was extended or reopened meanwhile is merged again.
-  const auto stale = [&] {
-    const Job* job = scheduler_->find(work.job);
-    return !job || job->frames[static_cast<size_t>(work.frame)].revision != revision;
-  };
+  // What was extended or reopened meanwhile is merged again.
   if (result.ok && request.target && !result.decision.done()) {
     const bool goes_on = locked([&] {
       ++changes_;
-      return stale() || scheduler_->pass_decided(work.job, work.frame, result.decision, result.statistics, rpc::kMaxTasksPerJob);
+      return is_stale(work) || scheduler_->pass_decided(work.job, work.frame, result.decision, result.statistics, rpc::kMaxTasksPerJob);
     });
     if (goes_on) {
-      std::filesystem::remove(request.output_path);
+      std::error_code ignored;  // the folder is emptied at the next start
+      std::filesystem::remove(request.output_path, ignored);
       return;
     }
     reason = "ended before its target: the job has as many tasks as are allowed";
@@ -127,17 +145,9 @@ void Coordinator::assemble_one(const AssembleJob& work) {
     reopen(damaged, "the result is not a tile of this frame: " + result.error, true);
     return;
   }
-  const bool short_of_room = !blobs_.shortage().empty();
+  if (!result.ok) return merge_failed(work, result.error);
   locked([&] {
-    if (stale()) return;
-    if (result.ok) {
-      scheduler_->frame_assembled(work.job, work.frame, digest, bytes, result.statistics, reason);
-    } else if (short_of_room || work.attempts + 1 < kAttempts) {
-      spdlog::warn("merging a frame of job {} failed and is repeated: {}", work.job, result.error);
-      to_assemble_.push_back({work.job, work.frame, work.attempts + (short_of_room ? 0 : 1), options_.now() + kSecond});
-    } else {
-      scheduler_->frame_failed(work.job, work.frame, "the image could not be merged: " + result.error);
-    }
+    if (!is_stale(work)) scheduler_->frame_assembled(work.job, work.frame, digest, bytes, result.statistics, reason);
   });
 }
 
@@ -151,18 +161,38 @@ void Coordinator::run_assembler() {
       wake_assembler_.wait_for(lock, std::chrono::milliseconds(200));
       continue;
     }
-    const AssembleJob job = *ready;
+    AssembleJob job = *ready;
     to_assemble_.erase(ready);
     lock.unlock();
-    assemble_one(job);
+    if (const auto error = rpc::failure_of([&] { assemble_one(job); })) {
+      if (const auto again = rpc::failure_of([&] { merge_failed(job, *error); }))
+        spdlog::error("a frame of job {} is not merged: {}; {}", job.job, *error, *again);
+    }
     lock.lock();
   }
+}
+
+void Coordinator::check_image(const std::string& id, int index, const std::string& digest) {
+  std::string why;
+  if (blobs_.verify(digest, &why)) return;
+  spdlog::error("an image of job {} is damaged at rest and merged again: {}", id, why);
+  locked([&] {
+    // Two who ask at once see the same damage.
+    const FrameRow& row = must_find(id).frames[static_cast<size_t>(index)].row;
+    if (row.image_digest != digest || row.state == FrameState::Assembling) return;
+    blobs_.remove(digest);
+    scheduler_->image_lost(id, index);
+    ++changes_;
+  });
+  throw rpc::RpcError(rpc::Code::kUnavailable, "the image was damaged at rest and is merged again; ask again");
 }
 
 v1::GetFrameResponse Coordinator::frame(const std::string& id, uint64_t number, bool partial) {
   v1::GetFrameResponse response;
   AssembleRequest request;
   std::vector<TaskRef> tasks;
+  std::vector<TaskArea> areas;
+  std::vector<std::string> paths;
   const auto final_image = [&](const Frame& frame) {
     response.set_image_digest(frame.row.image_digest);
     response.set_image_bytes(frame.row.image_bytes);
@@ -178,18 +208,40 @@ v1::GetFrameResponse Coordinator::frame(const std::string& id, uint64_t number, 
     *response.mutable_frame() = frame_view(*scheduler_, job, *frame, options_.now());
     if (frame->row.state == FrameState::Done || frame->row.state == FrameState::Partial) {
       final_image(*frame);
+      const auto index = static_cast<int>(frame - job.frames.begin());
       lock.unlock();
+      check_image(id, index, response.image_digest());
       store_->flush();
       return response;
     }
-    if (frame->row.state == FrameState::Failed) rpc::fail_precondition("frame " + std::to_string(number) + " failed: " + frame->row.reason);
+    if (frame->row.state == FrameState::Assembling && !frame->row.image_digest.empty() && !partial)
+      throw rpc::RpcError(rpc::Code::kUnavailable, "frame " + std::to_string(number) + " is being merged; ask again");
+    if (frame->row.state == FrameState::Failed && (!partial || frame->done == 0))
+      rpc::fail_precondition("frame " + std::to_string(number) + " failed: " + frame->row.reason);
     if (!partial)
       rpc::fail_precondition("frame " + std::to_string(number) + " is " + to_string(frame->row.state) +
                              "; wait for it, or ask for a partial image");
     if (frame->done == 0) rpc::fail_precondition("nothing of frame " + std::to_string(number) + " is rendered yet");
-    request = assemble_request(job, *frame, tasks);
+    request.header = frame->pinned_header();
+    const auto index = static_cast<int>(frame - job.frames.begin());
+    for (size_t i = 0; i < frame->tasks.size(); ++i) {
+      if (frame->tasks[i].state != TaskState::Done) continue;
+      tasks.push_back({job.spec.id, index, static_cast<int64_t>(i)});
+      areas.push_back(frame->tasks[i].area);
+      paths.push_back(blobs_.path(frame->tasks[i].digest));
+    }
     request.output_path = blobs_.temporary("partial-" + std::to_string(++next_temporary_) + ".exr");
   }
+  Preview preview = preview_of(request.header.bounds, areas);
+  if (preview.tiles.empty())
+    rpc::fail_precondition("nothing of frame " + std::to_string(number) + " can be shown yet: no pixel has its first samples");
+  request.map = std::move(preview.map);
+  std::vector<TaskRef> shown;
+  for (const size_t i : preview.tiles) {
+    shown.push_back(tasks[i]);
+    request.tile_paths.push_back(paths[i]);
+  }
+  tasks = std::move(shown);
   if (const std::vector<TaskRef> damaged = damaged_tiles(tasks, request.tile_paths); !damaged.empty()) {
     reopen(damaged, "the result was damaged at rest", false);
     throw rpc::RpcError(rpc::Code::kUnavailable, "some tiles were damaged and are rendered again; ask again");

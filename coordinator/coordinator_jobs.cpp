@@ -167,6 +167,22 @@ v1::Job Coordinator::extend(const std::string& id, int64_t samples, std::optiona
   return job(id);
 }
 
+v1::RepinJobResponse Coordinator::repin(const std::string& id) {
+  v1::RepinJobResponse response;
+  locked([&] {
+    const Job& job = must_find(id);
+    if (has_ended(job.row.state)) rpc::fail_precondition("job " + id + " has ended: " + to_string(job.row.state));
+    if (scheduler_->connected_workers(options_.now()) == 0)
+      rpc::fail_precondition("no worker is connected: start those that are to render it");
+    const std::optional<int64_t> frames = scheduler_->repin(id, options_.now());
+    if (!frames) throw rpc::RpcError(rpc::Code::kUnavailable, "a result of job " + id + " is just being committed; ask again");
+    if (*frames == 0) rpc::fail_precondition("nothing of job " + id + " starts again: a worker of its build is connected");
+    response.set_frames(*frames);
+  });
+  *response.mutable_job() = job(id);
+  return response;
+}
+
 std::vector<v1::TaskAttempt> Coordinator::task_log(const std::string& job_id, const std::string& task_id) {
   const std::optional<TaskRef> task = parse_task_id(task_id);
   {

@@ -1,7 +1,10 @@
 // How the parts of Coordinator run under its mutex.
 #pragma once
 
+#include <spdlog/spdlog.h>
+
 #include "coordinator/coordinator.h"
+#include "rpc/failure.h"
 
 namespace woodcock::coordinator {
 
@@ -12,7 +15,8 @@ auto Coordinator::locked(Work work) {
   struct RunLast {
     Completions& completions;
     ~RunLast() {
-      for (auto& completion : completions) completion();
+      for (auto& completion : completions)
+        if (const auto error = rpc::failure_of(completion)) spdlog::error("answering a worker failed: {}", *error);
     }
   };
   const RunLast run_last{completions};

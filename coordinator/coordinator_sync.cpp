@@ -1,4 +1,7 @@
 // Sync: a worker's report in, what it must be told out, held until there is something.
+#include <fmt/format.h>
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 
 #include "coordinator/coordinator.h"
@@ -10,12 +13,45 @@
 
 namespace woodcock::coordinator {
 
+bool Coordinator::meets_a_stranger(const v1::SyncRequest& request, const SyncDone& done) {
+  if (request.cluster_id().empty()) return false;
+  if (request.cluster_id() != store_->cluster_id()) {
+    spdlog::warn("worker {} comes from another cluster, {}: it joins this one, {}, anew", request.worker_id(), request.cluster_id(),
+                 store_->cluster_id());
+    v1::SyncResponse response;
+    *response.mutable_protocol() = rpc::this_protocol();
+    response.set_leader_term(store_->term());
+    response.set_sequence(request.sequence());
+    response.set_cluster_id(store_->cluster_id());
+    response.set_leader_id(leader_id_);
+    done({}, response);
+    return true;
+  }
+  // One term has one leader, unless this database does not know of a later one.
+  const uint64_t own = store_->term(), seen = request.leader_term();
+  if (seen < own || (seen == own && request.leader_id() == leader_id_)) return false;
+  const std::string what = fmt::format(
+      "worker {} has seen leader term {} of this cluster, and this coordinator has {}: its folder is an older back-up. It takes a higher "
+      "term; work since the back-up is rendered again",
+      request.worker_id(), seen, own);
+  spdlog::warn("{}", what);
+  store_->raise_term(seen, [this] {
+    locked([&] {
+      scheduler_->set_leader_term(store_->term());
+      ++changes_;
+    });
+  });
+  done({rpc::Code::kUnavailable, what}, {});
+  return true;
+}
+
 uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
   WorkerReport report;
   HeldSync held;
   try {
     report = report_from_wire(request);
     held.offers = offers_from_wire(request);
+    if (meets_a_stranger(request, done)) return 0;
     if (store_->backlog() > options_.max_backlog)
       throw rpc::RpcError(rpc::Code::kUnavailable, "the coordinator's database is behind; go on rendering and try again");
   } catch (...) {
@@ -31,7 +67,8 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
   held.deadline = now + hold;
   SyncDone superseded, refused;
   rpc::Outcome refusal;
-  const uint64_t token = locked([&]() -> uint64_t {
+  uint64_t token = 0;
+  const auto take_in = [&]() -> uint64_t {
     const ReportStatus status = stopping_ ? ReportStatus::Accepted : scheduler_->report(report, now);
     if (stopping_) {
       refusal = {rpc::Code::kUnavailable, "the coordinator is stopping; go on rendering and try again"};
@@ -53,7 +90,12 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
     }
     held_.emplace(report.worker_id, std::move(held));
     return result;
-  });
+  };
+  if (const auto error = rpc::failure_of([&] { token = locked(take_in); })) {
+    spdlog::error("the report of worker {} cannot be taken in: {}", report.worker_id, *error);
+    if (held.done) held.done({rpc::Code::kInternal, *error}, {});
+    return 0;
+  }
   if (superseded) superseded({rpc::Code::kAborted, "a later call of this worker replaces this one"}, {});
   if (refused) refused(refusal, {});
   return token;
@@ -109,6 +151,8 @@ bool Coordinator::try_answer(const std::string& worker_id, HeldSync& held, Compl
   *response.mutable_protocol() = rpc::this_protocol();
   response.set_leader_term(store_->term());
   if (!address_.empty()) response.add_coordinator_addresses(address_);
+  response.set_cluster_id(store_->cluster_id());
+  response.set_leader_id(leader_id_);
   response.set_sequence(held.sequence);
   for (const Grant& grant : answer.grants)
     *response.add_grants() = grant_to_wire(grant, must_find(grant.task.job), options_.scheduler.lease);

@@ -47,6 +47,9 @@ grpc::Status JobsService::ExtendJob(grpc::ServerContext*, const v1::ExtendJobReq
                             request->has_target_error() ? std::optional(request->target_error()) : std::nullopt, request->max_seconds());
   });
 }
+grpc::Status JobsService::RepinJob(grpc::ServerContext*, const v1::RepinJobRequest* request, v1::RepinJobResponse* response) {
+  return answer([&] { *response = coordinator_.repin(request->job_id()); });
+}
 grpc::Status JobsService::ListResults(grpc::ServerContext*, const v1::ListResultsRequest* request, v1::ListResultsResponse* response) {
   return answer([&] { *response = coordinator_.results(request->job_id(), request->page_size(), request->page_token()); });
 }
@@ -66,24 +69,8 @@ grpc::Status JobsService::GetTaskLog(grpc::ServerContext*, const v1::GetTaskLogR
   });
 }
 
-grpc::Status JobsService::WatchJob(grpc::ServerContext* context, const v1::WatchJobRequest* request,
-                                   grpc::ServerWriter<v1::WatchJobResponse>* writer) {
-  return answer([&] {
-    const Admission::Ticket ticket(watchers_, "watchers");
-    int64_t cursor = request->after_event();
-    std::string last;
-    for (bool finished = false; !finished;) {
-      if (context->IsCancelled()) return;
-      if (stopping_) throw rpc::RpcError(rpc::Code::kUnavailable, "the coordinator is stopping; watch again from the last event");
-      const v1::WatchJobResponse response = coordinator_.watch(request->job_id(), cursor, finished);
-      if (!response.events().empty()) cursor = response.events().rbegin()->number();
-      std::string progress = response.job().progress().SerializeAsString() + response.job().state_reason();
-      const bool news = !response.events().empty() || progress != last || finished;
-      last = std::move(progress);
-      if (news && !writer->Write(response)) return;
-      if (!finished && response.events_size() < 1000) std::this_thread::sleep_for(std::chrono::milliseconds(250));
-    }
-  });
+grpc::ServerWriteReactor<v1::WatchJobResponse>* JobsService::WatchJob(grpc::CallbackServerContext*, const v1::WatchJobRequest* request) {
+  return watchers_.watch(*request);
 }
 
 }  // namespace woodcock::coordinator

@@ -41,6 +41,7 @@ int serve(const CoordinatorOptions& options, const std::string& listen) {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
 
+  spdlog::info("at most {} open files", raise_descriptor_limit());
   std::filesystem::create_directories(options.dir);
   Coordinator coordinator(options);
   CoordinatorServer server(coordinator, listen);
@@ -50,7 +51,8 @@ int serve(const CoordinatorOptions& options, const std::string& listen) {
   sigwait(&signals, &signal);
   spdlog::info("stopping on signal {}", signal);
   server.stop();
-  std::filesystem::remove(options.dir + "/address");
+  std::error_code ignored;
+  std::filesystem::remove(options.dir + "/address", ignored);
   return 0;
 }
 
@@ -64,7 +66,7 @@ int main(int argc, char** argv) {
   CLI::App app("Splits frames into tasks, leases them to workers, merges the results.");
   CoordinatorOptions options;
   std::string listen = rpc::kDefaultAddress, assemble_spec, test_hook;
-  int64_t lease_seconds = 30, grace_seconds = 10, min_free_mib = 64, pin_seconds = 3600;
+  int64_t lease_seconds = 30, grace_seconds = 10, min_free_mib = 64, pin_seconds = 3600, repin_seconds = 0;
   app.add_option("--dir", options.dir, "Folder of the database and the blobs");
   app.add_option("--listen", listen, "HOST:PORT; port 0 takes any free one. Not encrypted: keep to loopback or a private network")
       ->capture_default_str();
@@ -75,6 +77,10 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 86400))
       ->capture_default_str();
   app.add_option("--min-free", min_free_mib, "MiB of the disk that are kept free")->check(CLI::Range(1, 1 << 20))->capture_default_str();
+  app.add_option("--repin-after", repin_seconds,
+                 "Seconds after which a frame starts again whose build no connected worker has; 0: only by `woodcock repin`")
+      ->check(CLI::Range(0, 1 << 30))
+      ->capture_default_str();
   app.add_option("--pin", pin_seconds, "Seconds for which unused files are kept")->check(CLI::Range(1, 1 << 30))->capture_default_str();
   app.add_option("--test-hook", test_hook, "POINT@N: end as by SIGKILL the N-th time it passes a point that coordinator/failpoint.h names")
       ->group("For tests of fault handling only");
@@ -100,6 +106,7 @@ int main(int argc, char** argv) {
   options.scheduler.grace = grace_seconds * kSecond;
   options.min_free_bytes = min_free_mib << 20;
   options.pin = pin_seconds * kSecond;
+  options.scheduler.repin_after = repin_seconds * kSecond;
   options.now = boot_time;
   options.unix_ms = unix_time_ms;
   options.on_fatal = die;

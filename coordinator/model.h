@@ -251,6 +251,11 @@ struct SaveFrame {
   std::string job;
   int frame;
 };
+/// Forget what is settled of the frame; its row is that of a new one.
+struct ResetFrame {
+  std::string job;
+  int frame;
+};
 struct LogEvent {
   std::string job;
   JobEvent event;  ///< number and time are the coordinator's to fill
@@ -259,6 +264,6 @@ struct LogEvent {
 
 using Action =
     std::variant<action::PinFrame, action::CommitTask, action::SplitTask, action::GiveUpTask, action::RecordAttempt, action::SaveLease,
-                 action::DropLease, action::AssembleFrame, action::SaveJob, action::SaveFrame, action::LogEvent>;
+                 action::DropLease, action::AssembleFrame, action::SaveJob, action::SaveFrame, action::ResetFrame, action::LogEvent>;
 
 }  // namespace woodcock::coordinator

@@ -2,6 +2,7 @@
 // what must be done about them comes out of take_actions(), in order. docs/architecture.md tells the rules.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -18,15 +19,18 @@ namespace woodcock::coordinator {
 
 struct SchedulerOptions {
   uint64_t leader_term = 1;
+  std::string leader_id;  ///< part of the ids of leases: leases of two leaders with one term never have the same
   Time lease = 30 * kSecond;
   Time grace = 10 * kSecond;
   Time worker_timeout = 60 * kSecond;  ///< a worker not heard of for so long is not counted as available
   int poison_workers = 3;              ///< distinct workers that must fail a task before it is split
   int max_splits_per_frame = 64;
+  int max_damages = 5;              ///< of one task's result at rest, before its frame fails
   int quarantine_after = 3;         ///< tasks failed here and done elsewhere, without a success of its own
   Time first_probe = 10 * kSecond;  ///< of a quarantined worker; doubled up to 5 minutes
   Time copy_after = 5 * kSecond;    ///< a running task is not copied to an idle worker before this
   Time copy_queued_after = 2 * kSecond;
+  Time repin_after = 0;  ///< a frame whose build no connected worker has starts again by itself after so long; 0: never
 };
 
 struct LeaseReport {
@@ -47,6 +51,7 @@ struct FailureReport {
   uint64_t epoch = 0;
   FailureCause cause = FailureCause::Other;
   std::string message, log_excerpt;
+  bool scene_checked = true;  ///< of a scene error: the files that the worker read have their digests
 };
 struct LeaseRelease {
   std::string lease_id;
@@ -106,7 +111,7 @@ struct Task {
   bool retry = false;  ///< waits in Frame::retry
   uint64_t epoch = 0;  ///< of its last lease
   int64_t parent = -1, first_part = -1;
-  int expirations = 0, refusals = 0;
+  int expirations = 0, refusals = 0, damages = 0;
   std::string committed_by;         ///< worker that rendered its result; empty where that was not kept
   bool reused = false;              ///< an earlier job rendered the result
   int64_t cpu_ns = 0, wall_ns = 0;  ///< what the result cost, whoever paid
@@ -127,13 +132,14 @@ struct Frame {
   int64_t unsettled = 0;    ///< tasks that are open or committing
   int64_t done = 0, given_up = 0;
   int splits = 0;
-  std::set<std::string> scene_failures;  ///< workers that could not read the scene
+  std::map<std::string, int> scene_failures;  ///< how often each worker could not read the scene
   int64_t samples_total = 0, samples_done = 0;
   int64_t cpu_ns = 0;                         ///< that this job paid
   int64_t result_cpu_ns = 0;                  ///< of the results that are there, whoever paid
   HealthCounts health;                        ///< sum over the tasks done
   std::map<int64_t, HealthCounts> unhealthy;  ///< its share of each task that has any
   uint64_t revision = 0;                      ///< grows when a merge that is under way is not of the frame any more
+  Time unfit_since = 0;                       ///< no connected worker has its build; 0: one has
   bool deciding = false;                      ///< a pass is over, and the next one not decided yet
   std::deque<int64_t> durations;              ///< wall time of the last commits, nanoseconds
 
@@ -186,6 +192,9 @@ class Scheduler {
   bool cancel(const std::string& job_id);
   bool set_paused(const std::string& job_id, bool paused);
   bool extend(const std::string& job_id, int64_t samples);
+  /// Starts the job's frames again whose build no connected worker has. Returns how many; nothing while one is being pinned or has a
+  /// result on its way to the disk.
+  std::optional<int64_t> repin(const std::string& job_id, Time now);
   /// Gives a job another target, or its first, and as much time as it takes or as `seconds` say. Frames that had ended are decided
   /// anew.
   bool set_target(const std::string& job_id, const SamplingTarget& target, std::optional<double> seconds = std::nullopt);
@@ -199,14 +208,23 @@ class Scheduler {
   Answer answer(const std::string& worker_id, Time now);
   /// Expires leases and ends jobs whose time is over. Call it about every second.
   void tick(Time now);
+  /// The leader has a higher term now.
+  void set_leader_term(uint64_t term) { options_.leader_term = std::max(options_.leader_term, term); }
   /// No new leases while the reason is not empty (disk full).
   void hold_leasing(const std::string& reason) { hold_reason_ = reason; }
+  /// Files of a scene are not here; workers that have them go on. `reason` is what its frames wait for.
+  void scene_lost(const std::string& manifest_digest, const std::string& reason) { lost_scenes_[manifest_digest] = reason; }
+  void scene_found(const std::string& manifest_digest);
+  const std::map<std::string, std::string>& lost_scenes() const { return lost_scenes_; }
 
   // Answers to actions.
   void frame_pinned(const action::PinFrame& pin, const std::vector<SettledTask>& reused);
   void committed(const action::CommitTask& commit, Time now);
-  /// The blob of a committed task is damaged or gone: the task is open again.
+  /// The blob of a committed task is damaged or gone: the task is open again. The frame fails when that happens to one task again
+  /// and again: the disk keeps nothing.
   void reopen(const TaskRef& task, const std::string& reason);
+  /// The file of a frame's image is damaged or gone: it is merged again.
+  void image_lost(const std::string& job_id, int frame);
   /// The merge refused a committed result: open again, for other workers first. The frame fails when a task's
   /// results are refused again and again.
   void result_refused(const TaskRef& task, const std::string& reason);
@@ -270,6 +288,9 @@ class Scheduler {
   void wake_frame(Job& job, int frame);
   void fail_frame(Job& job, int frame, const std::string& reason);
 
+  bool nobody_fits(const Frame& frame, Time now) const;
+  bool start_again(Job& job, int frame);
+  void repin_overdue(Time now);
   bool fits(const Worker& worker, const Frame& frame) const;
   bool connected(const Worker& worker, Time now) const;
   bool available(const Worker& worker, Time now) const;
@@ -283,7 +304,9 @@ class Scheduler {
   void requeue(const TaskRef& task);
   void settle(const TaskRef& task, TaskState state);
   void task_failed(const TaskRef& task, const std::string& worker_id, const std::string& why, bool counts, Time now);
+  void ask_another(const TaskRef& task, const std::string& worker_id, const std::string& why);
   void split_or_give_up(const TaskRef& task, const std::string& why);
+  bool scene_is_bad(const Frame& frame, Time now) const;
   void blame_others(const Task& task, const std::string& winner);
   bool adopt(const LeaseReport& report, const std::string& worker_id, Worker& worker, Time now);
 
@@ -294,6 +317,7 @@ class Scheduler {
   uint64_t next_epoch_ = 0;
   Time last_tick_ = 0;
   std::string hold_reason_;
+  std::map<std::string, std::string> lost_scenes_;  // by manifest: why its frames wait
   std::vector<Action> actions_;
 };
 

@@ -117,13 +117,14 @@ ReportStatus Scheduler::report(const WorkerReport& report, Time now) {
     // A worker that fails again and again is asked ever less often: a moment first, half a minute at the end.
     if (worker.consecutive_failures >= 3)
       worker.next_grant = now + std::min<Time>(kSecond / 4 << std::min(worker.consecutive_failures - 3, 7), 30 * kSecond);
-    if (failure.cause == FailureCause::SceneError || failure.cause == FailureCause::SceneMismatch) {
+    if ((failure.cause == FailureCause::SceneError || failure.cause == FailureCause::SceneMismatch) && failure.scene_checked) {
       Frame& frame = *frame_of(ref);
-      frame.scene_failures.insert(report.worker_id);
-      if (static_cast<int64_t>(frame.scene_failures.size()) >= std::min<int64_t>(2, std::max<int64_t>(1, available_workers(frame, now)))) {
+      ++frame.scene_failures[report.worker_id];
+      if (scene_is_bad(frame, now))
         fail_frame(*job_of(ref.job), ref.frame, why);
-        continue;
-      }
+      else
+        ask_another(ref, report.worker_id, why);
+      continue;
     }
     task_failed(ref, report.worker_id, why, failure.cause != FailureCause::Transfer, now);
   }
@@ -145,7 +146,7 @@ ReportStatus Scheduler::report(const WorkerReport& report, Time now) {
 bool Scheduler::adopt(const LeaseReport& report, const std::string& worker_id, Worker& worker, Time now) {
   const std::optional<TaskRef> ref = parse_task_id(report.task_id);
   Task* task = ref ? task_of(*ref) : nullptr;
-  if (!task || task->state != TaskState::Open || !task->leases.empty()) return false;
+  if (!task || task->state != TaskState::Open || !task->leases.empty() || leases_.contains(report.lease_id)) return false;
   const Frame& frame = *frame_of(*ref);
   if (!frame.being_rendered() || !frame.row.pinned || !fits(worker, frame)) return false;
   if (report.epoch <= task->epoch || report.epoch >> 32 >= options_.leader_term) return false;
@@ -172,6 +173,7 @@ bool Scheduler::adopt(const LeaseReport& report, const std::string& worker_id, W
 
 void Scheduler::tick(Time now) {
   count_time(now);
+  repin_overdue(now);
   std::vector<std::string> expired;
   for (const auto& [id, lease] : leases_)
     if (now - lease.last_change > options_.lease + options_.grace) expired.push_back(id);
@@ -274,6 +276,7 @@ void Scheduler::lease(const TaskRef& ref, const std::string& worker_id, Worker& 
   Lease lease;
   lease.epoch = options_.leader_term << 32 | ++next_epoch_;
   lease.id = "L" + std::to_string(options_.leader_term) + "-" + std::to_string(next_epoch_);
+  if (!options_.leader_id.empty()) lease.id += "-" + options_.leader_id.substr(0, 8);
   lease.task = ref;
   lease.worker_id = worker_id;
   lease.granted = lease.last_change = now;

@@ -114,6 +114,35 @@ void Scheduler::task_failed(const TaskRef& ref, const std::string& worker_id, co
   requeue(ref);
 }
 
+/// A scene that cannot be read fails its frame when two workers say so. Where there is one worker only it must say so twice.
+bool Scheduler::scene_is_bad(const Frame& frame, Time now) const {
+  if (frame.scene_failures.size() != 1) return frame.scene_failures.size() > 1;
+  const auto& [only, times] = *frame.scene_failures.begin();
+  const bool another = std::any_of(workers_.begin(), workers_.end(),
+                                   [&](const auto& w) { return w.first != only && available(w.second, now) && fits(w.second, frame); });
+  return !another && times > 1;
+}
+
+/// Nobody knows yet whether task or worker are at fault: others first, the same one where there are none.
+void Scheduler::ask_another(const TaskRef& ref, const std::string& worker_id, const std::string& why) {
+  Task* task = task_of(ref);
+  if (!task || task->state != TaskState::Open) return;
+  task->error = why;
+  if (std::find(task->failed_workers.begin(), task->failed_workers.end(), worker_id) == task->failed_workers.end())
+    task->failed_workers.push_back(worker_id);
+  requeue(ref);
+}
+
+void Scheduler::scene_found(const std::string& manifest_digest) {
+  lost_scenes_.erase(manifest_digest);
+  // Who failed for want of it need not wait any longer.
+  for (auto& [id, worker] : workers_) {
+    if (worker.quarantined) continue;
+    worker.consecutive_failures = 0;
+    worker.next_grant = 0;
+  }
+}
+
 void Scheduler::split_or_give_up(const TaskRef& ref, const std::string& why) {
   Job& job = *job_of(ref.job);
   Frame& frame = *frame_of(ref);
@@ -187,6 +216,23 @@ void Scheduler::reopen(const TaskRef& ref, const std::string& reason) {
   requeue(ref);
   log(ref.job, EventKind::ResultRefused, frame.spec.header.frame, to_string(ref), "", reason);
   if (!has_ended(job->row.state)) update_job(*job);
+  if (++task->damages >= options_.max_damages)
+    fail_frame(*job, ref.frame,
+               "the result of task " + to_string(ref) + " was damaged on the coordinator's disk " + std::to_string(task->damages) +
+                   " times: " + reason);
+}
+
+void Scheduler::image_lost(const std::string& id, int index) {
+  Job* job = job_of(id);
+  if (!job) return;
+  Frame& frame = job->frames[static_cast<size_t>(index)];
+  if (frame.row.state != FrameState::Done && frame.row.state != FrameState::Partial) return;
+  ++frame.revision;
+  frame.row.state = FrameState::Assembling;
+  actions_.push_back(action::SaveFrame{id, index});
+  actions_.push_back(action::AssembleFrame{id, index});
+  log(id, EventKind::ResultRefused, frame.spec.header.frame, "", "", "the image was damaged at rest and is merged again");
+  update_job(*job);
 }
 
 void Scheduler::result_refused(const TaskRef& ref, const std::string& reason) {
@@ -204,10 +250,12 @@ std::string Scheduler::waiting_reason(const Job& job, const Frame& frame, Time n
   if (has_ended(job.row.state) || has_ended(frame.row.state) || frame.unsettled == 0) return {};
   if (job.row.paused) return "the job is paused";
   if (!hold_reason_.empty()) return hold_reason_;
+  if (const auto lost = lost_scenes_.find(frame.spec.manifest_digest); lost != lost_scenes_.end()) return lost->second;
   if (connected_workers(now) == 0) return "no worker is connected";
   if (available_workers(frame, now) == 0) {
     if (!frame.row.pinned) return "every connected worker is draining or quarantined";
-    return "no connected worker has build " + frame.row.build + " and arithmetic class " + frame.row.arithmetic_class;
+    return "no connected worker has build " + frame.row.build + " and arithmetic class " + frame.row.arithmetic_class +
+           "; `woodcock repin` starts it again for those there are";
   }
   return {};
 }

@@ -14,38 +14,44 @@
 namespace woodcock::coordinator {
 
 CoordinatorServer::CoordinatorServer(Coordinator& coordinator, const std::string& listen)
-    : coordinator_(coordinator), jobs_(coordinator), blobs_(coordinator), workers_(coordinator) {
+    : coordinator_(coordinator), jobs_(coordinator), blobs_(coordinator), workers_(coordinator), listener_(listen) {
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
-  int port = 0;
-  builder.AddListeningPort(listen, grpc::InsecureServerCredentials(), &port);
+  acceptor_ = builder.experimental().AddExternalConnectionAcceptor(grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD,
+                                                                   grpc::InsecureServerCredentials());
   builder.RegisterService(&jobs_);
   builder.RegisterService(&blobs_);
   builder.RegisterService(&workers_);
   builder.SetMaxReceiveMessageSize(rpc::kMaxMessageBytes);
   builder.SetMaxSendMessageSize(rpc::kMaxMessageBytes);
-  // Two coordinators on one port would share its calls at random.
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  // Who connects and says nothing, or has had no call for long, makes room for others.
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, 20'000);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, 300'000);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, 256);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 20'000);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10'000);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 5'000);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   grpc::ResourceQuota quota("coordinator");
   quota.Resize(size_t{1} << 30);
   quota.SetMaxThreads(256);
   builder.SetResourceQuota(quota);
   server_ = builder.BuildAndStart();
-  if (!server_ || port == 0)
-    throw std::runtime_error("cannot listen on " + listen + ": the port is in use or the address is not this machine's");
-  address_ = listen.substr(0, listen.rfind(':')) + ":" + std::to_string(port);
-  coordinator_.set_address(address_);
+  if (!server_) throw std::runtime_error("gRPC cannot serve on " + listen);
+  listener_.start([this](int descriptor) {
+    grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
+    connection.fd = descriptor;
+    acceptor_->HandleNewConnection(&connection);
+  });
+  coordinator_.set_address(address());
 }
 
 CoordinatorServer::~CoordinatorServer() { stop(); }
 
 void CoordinatorServer::stop() {
   if (!server_) return;
+  listener_.stop();
   jobs_.stop();
   coordinator_.stop_syncs();
   server_->Shutdown(std::chrono::system_clock::now() + std::chrono::seconds(2));

@@ -5,7 +5,9 @@
 #include <string>
 
 #include <grpcpp/server.h>
+#include <grpcpp/server_builder.h>
 
+#include "coordinator/listener.h"
 #include "coordinator/services.h"
 
 namespace woodcock::coordinator {
@@ -17,7 +19,7 @@ class CoordinatorServer {
   ~CoordinatorServer();
 
   /// "HOST:PORT" with the real port.
-  const std::string& address() const { return address_; }
+  const std::string& address() const { return listener_.address(); }
   /// Lets calls end for at most two seconds.
   void stop();
 
@@ -26,7 +28,8 @@ class CoordinatorServer {
   JobsService jobs_;
   BlobsService blobs_;
   WorkersService workers_;
-  std::string address_;
+  Listener listener_;
+  std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor_;
   std::unique_ptr<grpc::Server> server_;
 };
 

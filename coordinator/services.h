@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "coordinator/coordinator.h"
+#include "coordinator/watchers.h"
 #include "woodcock/v1/blobs_service.grpc.pb.h"
 #include "woodcock/v1/jobs_service.grpc.pb.h"
 #include "woodcock/v1/workers_service.grpc.pb.h"
@@ -65,29 +66,31 @@ class StallGuard {
   std::thread thread_;
 };
 
-class JobsService final : public v1::JobsService::Service {
+class JobsService final : public v1::JobsService::WithCallbackMethod_WatchJob<v1::JobsService::Service> {
  public:
-  explicit JobsService(Coordinator& coordinator) : coordinator_(coordinator) {}
+  explicit JobsService(Coordinator& coordinator) : coordinator_(coordinator), watchers_(coordinator) {}
   /// Lets watchers go; the server can stop then.
-  void stop() { stopping_ = true; }
+  void stop() { watchers_.stop(); }
 
   grpc::Status SubmitJob(grpc::ServerContext*, const v1::SubmitJobRequest*, v1::SubmitJobResponse*) override;
   grpc::Status GetJob(grpc::ServerContext*, const v1::GetJobRequest*, v1::GetJobResponse*) override;
   grpc::Status ListJobs(grpc::ServerContext*, const v1::ListJobsRequest*, v1::ListJobsResponse*) override;
-  grpc::Status WatchJob(grpc::ServerContext*, const v1::WatchJobRequest*, grpc::ServerWriter<v1::WatchJobResponse>*) override;
+  using WithCallbackMethod_WatchJob::WatchJob;
+  grpc::ServerWriteReactor<v1::WatchJobResponse>* WatchJob(grpc::CallbackServerContext*, const v1::WatchJobRequest*) override;
   grpc::Status CancelJob(grpc::ServerContext*, const v1::CancelJobRequest*, v1::CancelJobResponse*) override;
   grpc::Status PauseJob(grpc::ServerContext*, const v1::PauseJobRequest*, v1::PauseJobResponse*) override;
   grpc::Status ResumeJob(grpc::ServerContext*, const v1::ResumeJobRequest*, v1::ResumeJobResponse*) override;
   grpc::Status GetFrame(grpc::ServerContext*, const v1::GetFrameRequest*, v1::GetFrameResponse*) override;
   grpc::Status GetTaskLog(grpc::ServerContext*, const v1::GetTaskLogRequest*, v1::GetTaskLogResponse*) override;
   grpc::Status ExtendJob(grpc::ServerContext*, const v1::ExtendJobRequest*, v1::ExtendJobResponse*) override;
+  grpc::Status RepinJob(grpc::ServerContext*, const v1::RepinJobRequest*, v1::RepinJobResponse*) override;
   grpc::Status ListResults(grpc::ServerContext*, const v1::ListResultsRequest*, v1::ListResultsResponse*) override;
   grpc::Status ListWorkers(grpc::ServerContext*, const v1::ListWorkersRequest*, v1::ListWorkersResponse*) override;
 
  private:
   Coordinator& coordinator_;
-  Admission watchers_{64}, merges_{2};
-  std::atomic<bool> stopping_{false};
+  Watchers watchers_;
+  Admission merges_{2};
 };
 
 class BlobsService final : public v1::BlobsService::Service {

@@ -6,9 +6,14 @@
 
 #include <soci/soci.h>
 #include <soci/sqlite3/soci-sqlite3.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cstdio>
+#include <random>
 #include <stdexcept>
+
+#include "rpc/failure.h"
 
 namespace woodcock::coordinator {
 namespace {
@@ -58,11 +63,23 @@ const std::vector<std::vector<const char*>> kUpgrades{
      "alter table settled add column reused bigint not null default 0",
      // Until now what an earlier job rendered was kept without its cost.
      "update settled set reused = 1 where state = 2 and cpu_ns = 0", "alter table results add column worker_id text not null default ''"},
+    {"alter table leader add column cluster_id text not null default ''"},
 };
 
 [[noreturn]] void refuse(const std::string& message) { throw std::runtime_error(message); }
 
 }  // namespace
+
+std::string random_id() {
+  std::random_device random;
+  std::string id;
+  while (id.size() < 32) {
+    char digits[9];
+    std::snprintf(digits, sizeof digits, "%08x", static_cast<unsigned>(random()));
+    id += digits;
+  }
+  return id;
+}
 
 Store::Store(const StoreOptions& options) : options_(options) {
   const std::string lock_path = options.dir + "/lock";
@@ -102,7 +119,11 @@ Store::Store(const StoreOptions& options) : options_(options) {
     sql << "update schema_version set version = :v", soci::use(version);
     long long term = 0;
     sql << "update leader set term = term + 1, address = :a where id = 1", soci::use(options.address);
-    sql << "select term from leader where id = 1", soci::into(term);
+    sql << "select term, cluster_id from leader where id = 1", soci::into(term), soci::into(cluster_id_);
+    if (cluster_id_.empty()) {
+      cluster_id_ = options.make_id();
+      sql << "update leader set cluster_id = :c where id = 1", soci::use(cluster_id_);
+    }
     transaction.commit();
     term_ = static_cast<uint64_t>(term);
   } catch (...) {
@@ -136,6 +157,21 @@ void Store::write(std::function<void(StoreSession&)> work, std::function<void()>
     ++queued_;
   }
   wake_.notify_one();
+}
+
+void Store::raise_term(uint64_t above, std::function<void()> done) {
+  auto raised = std::make_shared<uint64_t>(0);
+  write(
+      [this, above, raised](StoreSession& session) {
+        if (above < term_) return;
+        *raised = above + 1;
+        session.set_term(*raised);
+      },
+      [this, raised, done = std::move(done)] {
+        // Before the next transaction, whose fence asks for it.
+        if (*raised > 0) term_ = *raised;
+        done();
+      });
 }
 
 void Store::flush() {
@@ -179,13 +215,14 @@ void Store::run() {
       return;
     }
     for (Operation& operation : batch)
-      if (operation.done) operation.done();
+      if (const auto error = operation.done ? rpc::failure_of(operation.done) : std::nullopt)
+        spdlog::error("what follows a commit failed: {}", *error);
   }
 }
 
 void Store::write_batch(std::vector<Operation>& batch) {
   soci::transaction transaction(*sql_);
-  const auto term = static_cast<long long>(term_);
+  const auto term = static_cast<long long>(term_.load());
   soci::statement fence = (sql_->prepare << "update leader set term = term where id = 1 and term = :t", soci::use(term));
   fence.execute(true);
   if (fence.get_affected_rows() != 1) throw std::runtime_error("another coordinator took the leadership");

@@ -2,6 +2,7 @@
 // order it was queued, and callbacks run when that transaction is durable.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <functional>
@@ -31,6 +32,8 @@ class StoreSession {
   /// Of the spec: rounds, target, time limit and quote, which alone may change.
   void save_job(const JobSpec& spec, const JobRow& row);
   void save_frame(const std::string& job_id, int frame, const FrameRow& row);
+  /// Forgets which of its tasks are settled, and how. Results stay.
+  void reset_frame(const std::string& job_id, int frame);
   /// Compare-and-set: inserts the row of an open task and its result. False when the task is settled already, or is a part of
   /// a task that is not split. `parent` is -1 for a task of the grid.
   bool commit_task(const TaskRef& task, int64_t parent, const ResultRecord& result);
@@ -49,6 +52,7 @@ class StoreSession {
   std::vector<JobEvent> events(const std::string& job_id, int64_t after, int limit);
   /// Digests of blobs that rows speak of: results, images, manifests (not the files the manifests list).
   std::set<std::string> referenced_blobs();
+  void set_term(uint64_t term);
   std::set<std::string> manifests();
 
   std::vector<RecoveredJob> load_jobs();
@@ -58,11 +62,15 @@ class StoreSession {
   soci::session& sql_;
 };
 
+/// 32 random hexadecimal digits.
+std::string random_id();
+
 struct StoreOptions {
   std::string dir;                                          ///< must exist
   std::string address;                                      ///< of this leader, for its row
   std::function<void(const std::string& reason)> on_fatal;  ///< must not return
   size_t batch = 512;                                       ///< operations of one transaction
+  std::function<std::string()> make_id = random_id;         ///< for a new database
 };
 
 class Store {
@@ -74,7 +82,11 @@ class Store {
   /// Writes what is queued, callbacks and what they queue included. Nothing may be queued afterwards.
   void stop();
 
+  /// Made with the database: workers tell by it that they talk to another one.
+  const std::string& cluster_id() const { return cluster_id_; }
   uint64_t term() const { return term_; }
+  /// Queues a higher term: a worker has seen this one or another leader with it. `done` runs when the new one holds.
+  void raise_term(uint64_t above, std::function<void()> done);
   /// Queues `work`. `done` runs on the store's thread once it is durable; neither may call back into write() and wait.
   /// Never blocks: callers look at backlog() before they accept new work.
   void write(std::function<void(StoreSession&)> work, std::function<void()> done = {});
@@ -108,7 +120,8 @@ class Store {
 
   const StoreOptions options_;
   int lock_fd_ = -1;
-  uint64_t term_ = 0;
+  std::string cluster_id_;
+  std::atomic<uint64_t> term_ = 0;      // changed by the thread alone
   std::unique_ptr<soci::session> sql_;  // constructor, then the thread
 
   mutable std::mutex mutex_;

@@ -155,6 +155,11 @@ void StoreSession::save_frame(const std::string& job_id, int frame, const FrameR
       use(row.reason), use(passes), use(job_id), use(index);
 }
 
+void StoreSession::reset_frame(const std::string& job_id, int frame) {
+  const Integer index = frame;
+  sql_ << "delete from settled where job_id = :j and frame = :f", use(job_id), use(index);
+}
+
 bool StoreSession::commit_task(const TaskRef& task, int64_t parent, const ResultRecord& result) {
   const Integer frame = task.frame;
   if (parent >= 0) {
@@ -303,6 +308,11 @@ std::set<std::string> StoreSession::referenced_blobs() {
     digests.insert(rows.begin(), rows.end());
   }
   return digests;
+}
+
+void StoreSession::set_term(uint64_t term) {
+  const auto value = static_cast<Integer>(term);
+  sql_ << "update leader set term = :t where id = 1", use(value);
 }
 
 std::vector<RecoveredJob> StoreSession::load_jobs() {

@@ -51,6 +51,8 @@ std::set<std::string> check_manifest(const std::string& digest, BlobStore& blobs
   try {
     bytes = blobs.read(digest, rpc::kMaxManifestBytes);
   } catch (const BlobError& error) {
+    // What is damaged must not look as if it were here.
+    if (!blobs.verify(digest)) blobs.remove(digest);
     rpc::fail_precondition("the manifest " + digest + " is not here; upload it and submit again (" + error.what() + ")");
   }
   blobs.pin(digest, now);
@@ -61,7 +63,11 @@ std::set<std::string> check_manifest(const std::string& digest, BlobStore& blobs
   for (const v1::SceneFile& file : manifest.files()) {
     paths.insert(file.path());
     blobs.pin(file.content_digest(), now);
-    const std::optional<int64_t> size = blobs.size(file.content_digest());
+    std::optional<int64_t> size = blobs.size(file.content_digest());
+    if (size && *size != file.bytes() && !blobs.verify(file.content_digest())) {
+      blobs.remove(file.content_digest());
+      size.reset();
+    }
     if (size && *size != file.bytes()) rpc::fail_invalid("the manifest gives \"" + file.path() + "\" a size its blob does not have");
     if (!size && ++count <= 5) missing.append(" ").append(file.path());
   }

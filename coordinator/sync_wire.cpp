@@ -55,6 +55,9 @@ WorkerReport report_from_wire(const v1::SyncRequest& request) {
   check_shown(request.host_name(), 255, "host_name");
   check_shown(request.build(), rpc::kMaxBuildBytes, "build");
   check_shown(request.arithmetic_class(), rpc::kMaxBuildBytes, "arithmetic_class");
+  if (!request.cluster_id().empty() && !rpc::is_identifier(request.cluster_id()))
+    rpc::fail_invalid("cluster_id: expected at most 64 characters of [A-Za-z0-9._-]");
+  if (request.leader_term() >= uint64_t{1} << 31) rpc::fail_invalid("leader_term: expected less than 2^31");
   check_list(request.leases_size(), "leases");
   check_list(request.offers_size(), "offers");
   check_list(request.failures_size(), "failures");
@@ -81,7 +84,7 @@ WorkerReport report_from_wire(const v1::SyncRequest& request) {
     check_text(failure.message(), rpc::kMaxMessageTextBytes, "failures.message");
     check_text(failure.log_excerpt(), rpc::kMaxLogExcerptBytes, "failures.log_excerpt");
     report.failures.push_back({failure.lease_id(), failure.task_id(), failure.epoch(), cause_from_wire(failure.cause()), failure.message(),
-                               failure.log_excerpt()});
+                               failure.log_excerpt(), failure.scene_checked()});
   }
   for (const v1::LeaseRelease& release : request.releases()) report.releases.push_back({release.lease_id(), release.epoch()});
   return report;

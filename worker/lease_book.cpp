@@ -148,6 +148,15 @@ std::vector<std::string> LeaseBook::apply(const v1::SyncRequest& request, BootTi
   return notes;
 }
 
+void LeaseBook::leave_cluster() {
+  std::erase_if(leases_, [](Lease& lease) {
+    lease.stop = true;
+    return lease.stage != Stage::kRendering && lease.stage != Stage::kFetching;
+  });
+  failures_.clear();
+  releases_.clear();
+}
+
 void LeaseBook::take_verdict(const v1::OfferVerdict& verdict, BootTime now, std::vector<std::string>& notes) {
   Result* result = find_result(verdict.result_key());
   if (result == nullptr || result->offer.result_digest() != verdict.result_digest()) return;
@@ -309,7 +318,7 @@ void LeaseBook::rendered(const v1::LeaseGrant& grant, const RenderedTile& tile) 
   results_.push_back(std::move(result));
 }
 
-void LeaseBook::failed(const v1::LeaseGrant& grant, const AttemptFailure& failure, const std::string& log_tail) {
+void LeaseBook::failed(const v1::LeaseGrant& grant, const AttemptFailure& failure, const std::string& log_tail, bool scene_checked) {
   const Lease* lease = find(grant.lease_id());
   const bool unwanted = lease != nullptr && lease->stop;
   erase(grant.lease_id());
@@ -319,6 +328,7 @@ void LeaseBook::failed(const v1::LeaseGrant& grant, const AttemptFailure& failur
   report.set_task_id(grant.task().task_id());
   report.set_epoch(grant.epoch());
   report.set_cause(to_wire(failure.cause));
+  report.set_scene_checked(scene_checked);
   report.set_message(printable(failure.reason, rpc::kMaxMessageTextBytes, false));
   report.set_log_excerpt(printable(log_tail, rpc::kMaxLogExcerptBytes, true));
   failures_.push_back(std::move(report));
@@ -355,6 +365,15 @@ void LeaseBook::upload_failed(const std::string& result_key, BootTime retry_at) 
     result->state = Result::State::kToUpload;
     result->not_before = retry_at;
   }
+}
+
+void LeaseBook::result_lost(const std::string& result_key) {
+  const Result* result = find_result(result_key);
+  if (result == nullptr) return;
+  const Lease* lease = find(result->offer.lease_id());
+  if (lease != nullptr) failed(v1::LeaseGrant(lease->grant), {FailureCause::kTransfer, "the result is damaged on the worker's disk"}, "");
+  erase_result(result_key);
+  ++news_;
 }
 
 // --- draining ----------------------------------------------------------------------------------------------------

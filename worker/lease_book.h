@@ -29,6 +29,8 @@ class LeaseBook {
   void fill(v1::SyncRequest& request, BootTime now);
   /// Takes in the answer to `request`, which was sent at `sent_at`. Returns sentences for the log.
   std::vector<std::string> apply(const v1::SyncRequest& request, BootTime sent_at, const v1::SyncResponse& response, BootTime now);
+  /// The cluster is another: nobody waits for what is leased, failed or given back. Results stay on offer.
+  void leave_cluster();
   /// Grows with everything that the coordinator should be told without delay.
   uint64_t news() const { return news_; }
   /// Drops leases past their deadline. Returns sentences for the log.
@@ -55,7 +57,8 @@ class LeaseBook {
   /// The tile lies in the spool under its key: makes the offer durable. A result of a lease that has meanwhile gone is
   /// offered all the same.
   void rendered(const v1::LeaseGrant& grant, const RenderedTile& tile);
-  void failed(const v1::LeaseGrant& grant, const AttemptFailure& failure, const std::string& log_tail);
+  /// `scene_checked`: the files that the attempt read have their digests.
+  void failed(const v1::LeaseGrant& grant, const AttemptFailure& failure, const std::string& log_tail, bool scene_checked = false);
   /// The child has stopped. While draining, the lease is given back.
   void stopped(const v1::LeaseGrant& grant);
 
@@ -65,6 +68,8 @@ class LeaseBook {
   std::optional<v1::ResultOffer> next_to_upload(BootTime now);
   void uploaded(const std::string& result_key);
   void upload_failed(const std::string& result_key, BootTime retry_at);
+  /// The tile is damaged on this disk: the result is forgotten, and its lease reported as failed without blame for the task.
+  void result_lost(const std::string& result_key);
 
   // --- draining --------------------------------------------------------------------------------------------------
 

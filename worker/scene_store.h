@@ -19,9 +19,11 @@ struct BlobSource {
   /// Puts a blob at `path`: whole, verified and durable, or not at all. An interrupted fetch may leave `path`.part to
   /// go on from.
   std::function<void(const std::string& digest, const std::string& path)> file;
+  /// Called now and then while files are read to check them; may be empty.
+  std::function<void()> moved{};
 };
 
-/// Layout: blobs/DIGEST, and scenes/MANIFEST_DIGEST/… with hard links into blobs (copies where the file system has no
+/// Layout: blobs/DIGEST, manifests/DIGEST, and scenes/MANIFEST_DIGEST/… with hard links into blobs (copies where the file system has no
 /// links). A scene folder is built aside and renamed, so that it is whole when it is there. Not thread-safe.
 class SceneStore {
  public:
@@ -29,22 +31,29 @@ class SceneStore {
   /// are kept; scenes in use are never removed, so they may exceed it.
   SceneStore(std::filesystem::path folder, uint64_t limit_bytes);
 
-  /// The folder of this scene, fetched and laid out if need be. Throws rpc::RpcError for a manifest that is malformed or has
+  /// The folder of this scene, fetched and laid out if need be. The first time in a process its files are read and compared with
+  /// their digests: what is damaged, or cannot be read, is fetched again. Throws rpc::RpcError for a manifest that is malformed or has
   /// unsafe paths, std::system_error for the disk, and what `source` throws.
   std::filesystem::path prepare(const std::string& manifest_digest, const BlobSource& source);
 
   /// Removes least recently used scenes, then blobs that no scene links, until the limit holds.
   void trim(const std::set<std::string>& manifests_in_use);
 
-  /// Forgets a scene and its blobs: what was loaded from them is not what it should be.
+  /// Reads the scene's files again. False, with a sentence, when one is not what its digest says: that is thrown away, and the next
+  /// prepare() fetches it.
+  bool check(const std::string& manifest_digest, std::string& why);
+
+  /// Forgets a scene and its blobs.
   void discard(const std::string& manifest_digest);
 
   uint64_t blob_bytes() const;
 
  private:
+  v1::SceneManifest manifest_of(const std::string& digest, const BlobSource& source) const;
   void lay_out(const v1::SceneManifest& manifest, const std::filesystem::path& folder) const;
 
-  std::filesystem::path blobs_, scenes_;
+  std::filesystem::path blobs_, manifests_, scenes_;
+  std::set<std::string> checked_;  // by this process
   uint64_t limit_bytes_;
 };
 

@@ -4,10 +4,12 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "rpc/blob_transfer.h"
 #include "rpc/channel.h"
 #include "rpc/convert.h"
+#include "rpc/failure.h"
 #include "rpc/limits.h"
 #include "rpc/status.h"
 
@@ -58,13 +60,24 @@ Supervisor::~Supervisor() = default;
 
 int Supervisor::run() {
   std::vector<std::thread> threads;
-  for (int slot = 0; slot < options_.slots; ++slot) threads.emplace_back([this, slot] { slot_loop(slot); });
-  threads.emplace_back([this] { fetch_loop(); });
-  threads.emplace_back([this] { upload_loop(); });
-  sync_loop();
+  for (int slot = 0; slot < options_.slots; ++slot)
+    threads.emplace_back([this, slot] { keep_running(fmt::format("slot {}", slot), [this, slot] { slot_loop(slot); }); });
+  threads.emplace_back([this] { keep_running("the fetching of scenes", [this] { fetch_loop(); }); });
+  threads.emplace_back([this] { keep_running("the upload of results", [this] { upload_loop(); }); });
+  keep_running("the sync with the coordinator", [this] { sync_loop(); });
   for (std::thread& thread : threads) thread.join();
   const Lock lock(mutex_);
   return exit_code_;
+}
+
+void Supervisor::keep_running(const std::string& name, const std::function<void()>& loop) {
+  while (true) {
+    const auto error = rpc::failure_of(loop);
+    Lock lock(mutex_);
+    if (finished_) return;
+    spdlog::error("{} failed and goes on: {}", name, error.value_or("it ended early"));
+    pause(lock, std::chrono::seconds(1));
+  }
 }
 
 void Supervisor::drain() {
@@ -140,6 +153,9 @@ v1::SyncRequest Supervisor::make_request() {
   request.set_threads(static_cast<uint32_t>(options_.threads));
   request.set_state(draining_ ? v1::WORKER_STATE_DRAINING : v1::WORKER_STATE_READY);
   if (draining_) request.set_drain_ms(std::max<int64_t>(0, std::chrono::duration_cast<milliseconds>(drain_deadline_ - boot_now()).count()));
+  request.set_cluster_id(cluster_id_);
+  request.set_leader_term(leader_term_);
+  request.set_leader_id(leader_id_);
   book_.fill(request, boot_now());
   return request;
 }
@@ -173,7 +189,6 @@ void Supervisor::carry_out(Call& call, Lock& lock) {
   call.stub = v1::WorkersService::NewStub(channel());
   call.sent_at = boot_now();
   rpc::set_deadline(call.context, rpc::kSyncDeadline);
-  const auto renewal = renewal_interval();
   // The library may call back on this very thread: never hold the lock when calling it.
   lock.unlock();
   call.stub->async()->Sync(&call.context, &call.request, &call.response, [this, &call](grpc::Status status) {
@@ -183,6 +198,21 @@ void Supervisor::carry_out(Call& call, Lock& lock) {
     changed_.notify_all();
   });
   lock.lock();
+  try {
+    await(call, lock);
+  } catch (...) {
+    // The library writes into the call until it is done with it.
+    if (!lock.owns_lock()) lock.lock();
+    lock.unlock();
+    call.context.TryCancel();
+    lock.lock();
+    changed_.wait(lock, [&] { return call.done; });
+    throw;
+  }
+}
+
+void Supervisor::await(Call& call, Lock& lock) {
+  const auto renewal = renewal_interval();
   while (!call.done) {
     changed_.wait_for(lock, call.cut ? kTick : std::min(kTick, kYoungCall), [&] { return call.done; });
     if (call.done) return;
@@ -204,16 +234,39 @@ milliseconds Supervisor::back_off() {
   return milliseconds(std::uniform_int_distribution<int64_t>(pause.count() / 2, pause.count())(random_));
 }
 
+bool Supervisor::recognize(const v1::SyncResponse& response) {
+  const std::string& address = addresses_[address_ % addresses_.size()];
+  if (!cluster_id_.empty() && response.cluster_id() != cluster_id_) {
+    spdlog::warn("the coordinator at {} is of another cluster, {} instead of {}: this worker joins it anew and drops its leases", address,
+                 response.cluster_id(), cluster_id_);
+    book_.leave_cluster();
+  } else if (response.leader_term() < leader_term_) {
+    if (connected_)
+      spdlog::warn("the coordinator at {} answers with leader term {}, and {} was seen: it is outdated; trying again", address,
+                   response.leader_term(), leader_term_);
+    connected_ = false;
+    ++address_;
+    return false;
+  } else if (!leader_id_.empty() && response.leader_id() != leader_id_) {
+    spdlog::info("the coordinator at {} was started again: leader term {}", address, response.leader_term());
+  }
+  cluster_id_ = response.cluster_id();
+  leader_id_ = response.leader_id();
+  leader_term_ = response.leader_term();
+  return true;
+}
+
 milliseconds Supervisor::take_answer(const Call& call) {
   if (call.status.ok()) {
-    if (call.response.leader_term() < leader_term_) return back_off();  // an old leader that does not know it yet
-    leader_term_ = call.response.leader_term();
+    if (!recognize(call.response)) return back_off();
     if (!connected_) {
       spdlog::info("connected to {}", addresses_[address_ % addresses_.size()]);
       folder_.mark_ready();
     }
     connected_ = true;
     failures_in_a_row_ = aborts_in_a_row_ = 0;
+    // The answer to what was meant for another cluster says nothing else.
+    if (call.request.cluster_id() != call.response.cluster_id() && !call.request.cluster_id().empty()) return milliseconds(0);
     note(book_.apply(call.request, call.sent_at, call.response, boot_now()));
     for (const std::string& address : call.response.coordinator_addresses())
       if (std::find(addresses_.begin(), addresses_.end(), address) == addresses_.end() && addresses_.size() < 16)
@@ -235,7 +288,8 @@ milliseconds Supervisor::take_answer(const Call& call) {
       if (++aborts_in_a_row_ >= kMaxAborts) end(1, "another process uses this worker's identity: " + call.status.error_message());
       return back_off();
     default:
-      if (connected_ || failures_in_a_row_ == 0)
+      // Once for each reason: a coordinator that is away, and then one that refuses by name, are two.
+      if (connected_ || failures_in_a_row_ == 0 || std::exchange(last_problem_, call.status.error_message()) != call.status.error_message())
         spdlog::warn("no answer from the coordinator at {}: {} ({}); work goes on, trying again", addresses_[address_ % addresses_.size()],
                      call.status.error_message(), rpc::code_name(rpc::from_grpc(call.status.error_code())));
       connected_ = false;
@@ -290,7 +344,8 @@ bool Supervisor::fetch(const v1::LeaseGrant& grant) {
     const auto blobs = v1::BlobsService::NewStub(line);
     const BlobSource source{
         [&](const std::string& digest) { return rpc::download_bytes(*blobs, digest, rpc::kMaxManifestBytes); },
-        [&](const std::string& digest, const std::string& path) { rpc::download_file(*blobs, digest, path, true, control); }};
+        [&](const std::string& digest, const std::string& path) { rpc::download_file(*blobs, digest, path, true, control); },
+        [&] { control.progress(0); }};
     try {
       const Lock store_lock(store_mutex_);
       store_.prepare(grant.task().manifest_digest(), source);
@@ -307,6 +362,8 @@ bool Supervisor::fetch(const v1::LeaseGrant& grant) {
       spdlog::warn("cannot fetch a scene: {}; trying again", error.what());
     } catch (const std::system_error& error) {
       return fail(fmt::format("the worker's disk: {}", error.what()));
+    } catch (const std::exception& error) {
+      return fail(error.what());
     }
     // Until the lease ends: it is not renewed while nothing arrives.
     Lock lock(mutex_);
@@ -328,18 +385,23 @@ void Supervisor::upload_loop() {
     const auto line = channel();
     lock.unlock();
     std::string error;
+    bool lost = false;
     try {
+      lost = !spool_.holds(offer->result_key(), offer->result_digest());
       rpc::TransferControl control;
       control.stop = [this] {
         const Lock guard(mutex_);
         return finished_;
       };
-      rpc::upload_file(*v1::BlobsService::NewStub(line), spool_.tile_path(offer->result_key()), offer->result_digest(), control);
+      if (!lost) rpc::upload_file(*v1::BlobsService::NewStub(line), spool_.tile_path(offer->result_key()), offer->result_digest(), control);
     } catch (const std::exception& failure) {
       error = failure.what();
     }
     lock.lock();
-    if (error.empty()) {
+    if (lost) {
+      spdlog::error("the result of task {} is damaged on this disk: it is rendered again", offer->task_id());
+      book_.result_lost(offer->result_key());
+    } else if (error.empty()) {
       book_.uploaded(offer->result_key());
     } else if (!finished_) {
       spdlog::warn("cannot upload the result of task {}: {}; it stays in the spool", offer->task_id(), error);

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -53,14 +54,19 @@ class Supervisor {
   void fetch_loop();
   void upload_loop();
   void slot_loop(int slot);
+  /// Runs one of these until the end: an exception is said in the log and ends what the thread was at, not the process.
+  void keep_running(const std::string& name, const std::function<void()>& loop);
 
   struct Call;
   v1::SyncRequest make_request();
   /// Makes the call and waits for its end; ends it early when there is news. Called and returns with `lock` held.
   void carry_out(Call& call, std::unique_lock<std::mutex>& lock);
+  void await(Call& call, std::unique_lock<std::mutex>& lock);
   /// Acts on the answer; returns how long to wait before the next call.
   std::chrono::milliseconds take_answer(const Call& call);
   std::chrono::milliseconds back_off();
+  /// Who answered: false where the answer is to be left aside.
+  bool recognize(const v1::SyncResponse& response);
   std::optional<std::chrono::milliseconds> renewal_interval() const;
   void check_deadlines();
   void end(int exit_code, const std::string& why);
@@ -69,6 +75,7 @@ class Supervisor {
 
   bool start_child(int slot, std::unique_ptr<ChildProcess>& child);
   void render(int slot, ChildProcess& child, const v1::LeaseGrant& grant);
+  AttemptOutcome attempt(ChildProcess& child, const v1::LeaseGrant& grant, AttemptLog& log);
   bool fetch(const v1::LeaseGrant& grant);
   RenderCommand command_for(const v1::LeaseGrant& grant, uint64_t attempt) const;
   std::string log_path(const v1::TaskSpec& task, uint64_t epoch) const;
@@ -90,11 +97,12 @@ class Supervisor {
   size_t address_ = 0;  // the one in use
   std::map<std::string, std::shared_ptr<grpc::Channel>> channels_;
   uint64_t sequence_ = 0;
+  std::string cluster_id_, leader_id_;  // of the last answer
   uint64_t leader_term_ = 0;
   uint64_t attempts_ = 0;
   int failures_in_a_row_ = 0, aborts_in_a_row_ = 0;
   bool connected_ = false;
-  std::string last_notice_;
+  std::string last_notice_, last_problem_;
   bool draining_ = false, finished_ = false;
   BootTime drain_deadline_{0};
   int exit_code_ = 0;

@@ -6,6 +6,8 @@
 #include <filesystem>
 
 #include "rpc/convert.h"
+#include "rpc/error.h"
+#include "rpc/failure.h"
 #include "worker/supervisor.h"
 
 namespace woodcock {
@@ -25,10 +27,14 @@ constexpr size_t kLogsKept = 200;
 void make_room_for_log(const fs::path& folder) {
   std::vector<std::pair<fs::file_time_type, fs::path>> logs;
   std::error_code ignored;
-  for (const auto& entry : fs::directory_iterator(folder, ignored)) logs.emplace_back(entry.last_write_time(ignored), entry.path());
+  fs::create_directories(folder, ignored);
+  for (fs::directory_iterator it(folder, ignored), end; !ignored && it != end; it.increment(ignored)) {
+    std::error_code unknown;
+    logs.emplace_back(it->last_write_time(unknown), it->path());
+  }
   if (logs.size() < kLogsKept) return;
   std::sort(logs.begin(), logs.end());
-  for (size_t i = 0; i <= logs.size() - kLogsKept; ++i) fs::remove(logs[i].second, ignored);
+  for (size_t i = 0; i <= logs.size() - kLogsKept; ++i) fs::remove_all(logs[i].second, ignored);
 }
 
 }  // namespace
@@ -113,35 +119,49 @@ void Supervisor::slot_loop(int slot) {
   }
 }
 
+AttemptOutcome Supervisor::attempt(ChildProcess& child, const v1::LeaseGrant& grant, AttemptLog& log) {
+  uint64_t attempt = 0;
+  {
+    const Lock lock(mutex_);
+    attempt = ++attempts_;
+  }
+  const auto should_stop = [&] {
+    const Lock lock(mutex_);
+    return finished_ || book_.should_stop(grant.lease_id(), boot_now());
+  };
+  const auto progressed = [&](const ChildProgress& progress) {
+    const Lock lock(mutex_);
+    book_.progressed(grant.lease_id(), progress);
+  };
+  try {
+    spool_.make_room(grant.task().result_key());
+    return child.run(command_for(grant, attempt), options_.limits, log, should_stop, progressed);
+  } catch (const rpc::RpcError& error) {
+    // The task itself is malformed: rpc::from_wire says how.
+    return AttemptFailure{FailureCause::kMismatch, error.what()};
+  } catch (const std::exception& error) {
+    return AttemptFailure{FailureCause::kOutput, error.what()};
+  }
+}
+
 void Supervisor::render(int slot, ChildProcess& child, const v1::LeaseGrant& grant) {
   const v1::TaskSpec& task = grant.task();
   make_room_for_log(folder_.logs());
   AttemptLog log(log_path(task, grant.epoch()), kLogBytes);
-  AttemptOutcome outcome;
-  try {
-    uint64_t attempt = 0;
-    {
-      const Lock lock(mutex_);
-      attempt = ++attempts_;
-    }
-    const auto should_stop = [&] {
-      const Lock lock(mutex_);
-      return finished_ || book_.should_stop(grant.lease_id(), boot_now());
-    };
-    const auto progressed = [&](const ChildProgress& progress) {
-      const Lock lock(mutex_);
-      book_.progressed(grant.lease_id(), progress);
-    };
-    outcome = child.run(command_for(grant, attempt), options_.limits, log, should_stop, progressed);
-  } catch (const std::exception& error) {
-    // The task itself is malformed: rpc::from_wire says how.
-    outcome = AttemptFailure{FailureCause::kMismatch, error.what()};
-  }
+  AttemptOutcome outcome = attempt(child, grant, log);
+  bool scene_checked = false;
   if (const auto* failure = std::get_if<AttemptFailure>(&outcome)) {
     spdlog::warn("slot {}: task {} failed ({}): {}", slot, task.task_id(), to_string(failure->cause), failure->reason);
-    if (failure->cause == FailureCause::kMismatch) {
+    if (failure->cause == FailureCause::kScene || failure->cause == FailureCause::kMismatch) {
+      // Before the scene is blamed: are these its bytes?
       const Lock store_lock(store_mutex_);
-      store_.discard(task.manifest_digest());
+      std::string why;
+      const auto error = rpc::failure_of([&] { scene_checked = store_.check(task.manifest_digest(), why); });
+      if (error || !scene_checked) {
+        why = "the scene is damaged in this worker's cache, and is fetched again: " + error.value_or(why);
+        spdlog::error("slot {}: {}", slot, why);
+        outcome = AttemptFailure{FailureCause::kTransfer, why};
+      }
     }
   }
   const Lock lock(mutex_);
@@ -149,7 +169,7 @@ void Supervisor::render(int slot, ChildProcess& child, const v1::LeaseGrant& gra
     if (const auto* tile = std::get_if<RenderedTile>(&outcome))
       book_.rendered(grant, *tile);
     else if (const auto* failure = std::get_if<AttemptFailure>(&outcome))
-      book_.failed(grant, *failure, log.tail());
+      book_.failed(grant, *failure, log.tail(), scene_checked);
     else
       book_.stopped(grant);
   } catch (const std::exception& error) {

@@ -110,7 +110,7 @@ class CoordinatorWorld {
     r.set_worker_id(worker);
     r.set_incarnation(incarnation);
     r.set_sequence(++sequence);
-    r.set_build("build");
+    r.set_build(build);
     r.set_arithmetic_class("class");
     r.set_slots(1);
     r.set_threads(1);
@@ -189,6 +189,7 @@ class CoordinatorWorld {
   static constexpr int64_t kTaskCpu = 30'000'000, kTaskWall = 40'000'000;  ///< what each task costs, ns
   std::atomic<Time> now{1000 * kSecond};
   uint64_t sequence = 0, incarnation = 1;
+  std::string build = "build";  ///< of workers
   std::unique_ptr<Coordinator> coordinator;
 
  private:

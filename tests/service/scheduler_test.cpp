@@ -206,6 +206,32 @@ TEST(Scheduler, AnUnreadableSceneFailsWhenTwoWorkersSaySo) {
   EXPECT_EQ(world.scheduler.find("j1")->row.state, JobState::Failed);
 }
 
+TEST(Scheduler, F28ASceneErrorOfOneWorkerIsNotBelievedWhereOthersRender) {
+  SchedulerWorld world;
+  world.scheduler.add_job(test_job("j1"));
+  world.sync("bad"), world.sync("good");
+  for (int i = 0; i < 6; ++i) {
+    world.now += 31 * kSecond;
+    world.sync("good"), world.sync("bad");
+    if (!world.held["bad"].empty()) world.fail("bad", world.held["bad"].begin()->second, FailureCause::SceneError);
+    ASSERT_FALSE(has_ended(world.scheduler.find("j1")->row.state)) << i;
+  }
+  world.finish_everything("good");
+  EXPECT_EQ(world.scheduler.find("j1")->frames[0].row.state, FrameState::Assembling);
+  EXPECT_EQ(world.scheduler.find("j1")->frames[0].splits, 0);
+}
+
+TEST(Scheduler, F28TheOnlyWorkerMustSayTwiceThatASceneCannotBeRead) {
+  SchedulerWorld world;
+  world.scheduler.add_job(test_job("j1"));
+  world.fail("w1", world.sync("w1").at(0), FailureCause::SceneError);
+  EXPECT_FALSE(has_ended(world.scheduler.find("j1")->row.state));
+  world.now += 31 * kSecond;
+  world.sync("w1");
+  world.fail("w1", world.held["w1"].begin()->second, FailureCause::SceneError);
+  EXPECT_EQ(world.scheduler.find("j1")->row.state, JobState::Failed);
+}
+
 TEST(Scheduler, F09AHostThatFailsEverythingIsQuarantinedProbedAndComesBack) {
   SchedulerWorld world;
   world.scheduler.add_job(test_job("j1", 0, 256));
