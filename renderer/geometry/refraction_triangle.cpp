@@ -6,24 +6,26 @@
 namespace woodcock {
 namespace {
 
-/// The root T ≥ 0 of a T + b T/√(k² + (k² − 1) T²) = d, for k ≥ 1.
-double larger_tangent(double a, double b, double k, double d) {
+/// The root T ≥ 0 of a T + b T/√(k² + (k² − 1) T²) = d, for k ≥ 1, from a guess.
+double larger_tangent(double a, double b, double k, double d, double guess) {
   const double m = (k - 1) * (k + 1), k2 = k * k;
   // Two lines that lie nowhere below the left side.
-  double t = d / (a + b / k);
-  if (m > 0) t = std::max(t, (d - b / std::sqrt(m)) / a);
+  double least = d / (a + b / k);
+  if (m > 0) least = std::max(least, (d - b / std::sqrt(m)) / a);
+  double t = std::max(least, guess);
   for (int i = 0; i < 30; ++i) {
     const double s = 1 / (k2 + m * t * t), root = std::sqrt(s);
-    const double step = (d - (a + b * root) * t) / (a + b * k2 * s * root);
-    t += step;
-    if (!(step > 0x1p-50 * t)) break;
+    const double next = std::max(least, t + (d - (a + b * root) * t) / (a + b * k2 * s * root)), step = std::abs(next - t);
+    t = next;
+    // The error of the next step is of the size of the square of this one.
+    if (!(step > 0x1p-28 * t)) break;
   }
   return t;
 }
 
 }  // namespace
 
-std::optional<RefractedWay> way_through_plane(DVec3 p0, DVec3 n, double eta, DVec3 x, DVec3 y) {
+std::optional<RefractedWay> way_through_plane(DVec3 p0, DVec3 n, double eta, DVec3 x, DVec3 y, double larger_sine) {
   const double h = glm::dot(n, p0 - x), h_out = glm::dot(n, y - p0);
   if (!(h > 0 && h_out > 0)) return std::nullopt;
   DVec3 along = y - x;
@@ -32,12 +34,13 @@ std::optional<RefractedWay> way_through_plane(DVec3 p0, DVec3 n, double eta, DVe
   double tan_i = 0, tan_t = 0;
   if (d > 0) {
     along /= d;
+    const double guess = larger_sine < 1 ? larger_sine / std::sqrt((1 - larger_sine) * (1 + larger_sine)) : 0;
     if (eta > 1) {
-      tan_t = larger_tangent(h_out, h, eta, d);
+      tan_t = larger_tangent(h_out, h, eta, d, guess);
       tan_i = tan_t / std::sqrt(eta * eta + (eta - 1) * (eta + 1) * tan_t * tan_t);
     } else {
       const double k = 1 / eta;
-      tan_i = larger_tangent(h, h_out, k, d);
+      tan_i = larger_tangent(h, h_out, k, d, guess);
       tan_t = tan_i / std::sqrt(k * k + (k - 1) * (k + 1) * tan_i * tan_i);
     }
   }

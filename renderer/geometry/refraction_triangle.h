@@ -14,10 +14,11 @@ namespace woodcock {
 ///
 /// With h and h′ the distances of x and y from the plane and d between their feet, the angles i and t obey h tan i + h′ tan t = d and
 /// η sin i = sin t. The larger of the two tangents, T, is the root of h_a T + h_b T/√(k² + (k² − 1) T²) = d with k = max(η, 1/η), whose
-/// left side grows and is concave: Newton's steps from below never pass the root.
+/// left side grows and is concave: Newton's steps from below never pass the root, and one from above leads below it.
 ///
 /// The solid angle follows from dω = sin i di dφ and dA = d dφ d(d) cos t.
-std::optional<RefractedWay> way_through_plane(DVec3 p0, DVec3 n, double eta, DVec3 x, DVec3 y);
+/// `larger_sine` is where the search begins, the larger of sin i and sin t of a way near by if one is known.
+std::optional<RefractedWay> way_through_plane(DVec3 p0, DVec3 n, double eta, DVec3 x, DVec3 y, double larger_sine = 0);
 
 /// A triangle p0 + b1 e1 + b2 e2 whose shading normal is the interpolated one, (1 − b1 − b2) N0 + b1 N1 + b2 N2 up to its length, on the
 /// side of the unit normal `ng`.

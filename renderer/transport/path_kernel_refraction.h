@@ -81,7 +81,7 @@ void PathKernel<kMask>::sample_through_glass(const Glass& glass, const Lights::C
       const double survives = roulette.survival(glm::distance(found.way.v, reference));
       if (roulette.u >= survives || !is_found<kMask>(found.way.v, body.lower, 0.5 * body.size()) || !is_alone(found, reference)) continue;
       const SurfacePoint s = world_.geometry.surface(found.hit, ray_, Geometry::Tangents::kNotWanted);
-      add_refracted({found.way, surface, body.eta, s.ng, offset_origin(s, found.way.wo), false, survives}, choice, light, reference,
+      add_refracted({found.way, surface, body.eta, s.ng, offset_origin(s, found.way.wo), body.is_clear, survives}, choice, light, reference,
                     tracking, evaluate);
     }
     return;

@@ -41,6 +41,9 @@ struct Facet {
 /// Ends a list of facets.
 constexpr uint32_t kLast = 0xffffffff;
 
+/// Of the medium inside, after which a hundredth of the light is left or less.
+constexpr double kFreePaths = 5;
+
 /// More triangles than this in shapes that are alike are left to chance: they would be kept twice.
 constexpr size_t kMostTriangles = size_t{1} << 21;
 
@@ -173,6 +176,17 @@ class DepthGrid {
   std::vector<float> depth_;
 };
 
+/// Whether no corner lies before the plane of a facet. Large bodies are not asked.
+bool is_convex(std::span<const Facet> facets, double size) {
+  constexpr size_t kMost = 4096;
+  if (facets.size() > kMost) return false;
+  return std::all_of(facets.begin(), facets.end(), [&](const Facet& f) {
+    return std::all_of(facets.begin(), facets.end(), [&](const Facet& g) {
+      return std::all_of(g.p.begin(), g.p.end(), [&](DVec3 p) { return glm::dot(p - f.p[0], f.n) <= 1e-12 * size; });
+    });
+  });
+}
+
 /// Disjoint sets of numbers.
 class Sets {
  public:
@@ -206,8 +220,12 @@ struct DielectricMeshes::Facets {
     DVec2 b;
   };
   std::optional<Place> place_towards(int body, DVec3 x, DVec3 v) const;
-  std::optional<Place> walk(int body, const Place& from, double eta, DVec3 x, DVec3 y) const;
-  void search_around(uint32_t facet, double eta, DVec3 x, DVec3 y, MeshWays& found) const;
+  struct WalkEnd {
+    Place place;
+    RefractedWay way;  ///< of vertex normals
+  };
+  std::optional<WalkEnd> walk(int body, const Place& from, double eta, DVec3 x, DVec3 y, double longest) const;
+  void search_around(const WalkEnd& near, double eta, DVec3 x, DVec3 y, MeshWays& found) const;
   void add_flat(const Facet& facet, double eta, DVec3 x, DVec3 y, MeshWays& found) const;
 };
 
@@ -389,6 +407,11 @@ class MeshFinder {
     const std::span<Facet> facets = std::span(facets_.all).subspan(first, count);
     connect(facets, first);
     const bool is_empty = !has_shapes && std::none_of(lamps_.begin(), lamps_.end(), is_lamp_inside);
+    body.is_clear = is_empty && is_convex(facets, body.size());
+    if (inside != kNone && media_[inside].is_homogeneous()) {
+      const double sigma = static_cast<double>(min_component(media_[inside].homogeneous().sigma_t));
+      if (sigma > 0) body.longest = kFreePaths / sigma;
+    }
     facets_.depths.push_back(is_empty ? DepthGrid(body.lower, body.upper, facets) : DepthGrid());
     found.bodies_.push_back(body);
   }
@@ -471,8 +494,8 @@ struct PlaneWay {
   RefractedWay way;
   DVec2 b;
 };
-std::optional<PlaneWay> plane_way(const Facet& f, double eta, DVec3 x, DVec3 y) {
-  const auto way = way_through_plane(f.p[0], f.n, eta, x, y);
+std::optional<PlaneWay> plane_way(const Facet& f, double eta, DVec3 x, DVec3 y, double larger_sine = 0) {
+  const auto way = way_through_plane(f.p[0], f.n, eta, x, y, larger_sine);
   if (!way) return std::nullopt;
   return PlaneWay{*way, coordinates(f.p, way->v)};
 }
@@ -488,8 +511,8 @@ std::optional<DielectricMeshes::Facets::Place> DielectricMeshes::Facets::place_t
 
 /// Newton's steps along the surface, each projected onto it from x and shortened until it comes nearer to Snell's law (Jakob & Marschner
 /// 2012). Ends at a way, or, on flat facets, at one that the step does not leave.
-std::optional<DielectricMeshes::Facets::Place> DielectricMeshes::Facets::walk(int body, const Place& from, double eta, DVec3 x,
-                                                                              DVec3 y) const {
+std::optional<DielectricMeshes::Facets::WalkEnd> DielectricMeshes::Facets::walk(int body, const Place& from, double eta, DVec3 x, DVec3 y,
+                                                                                double longest) const {
   constexpr int kSteps = 16, kHalvings = 6;
   constexpr double kDone = 1e-12, kGoodEnough = 1e-9;
   Place place = from;
@@ -509,8 +532,8 @@ std::optional<DielectricMeshes::Facets::Place> DielectricMeshes::Facets::walk(in
   }
   for (int i = 0; i < kSteps && step.error > kDone; ++i) {
     const Facet& f = all[place.facet];
-    if (!std::isfinite(step.step.x + step.step.y)) return std::nullopt;
-    if (f.is_flat && is_within(place.b + step.step)) return place;
+    if (!std::isfinite(step.step.x + step.step.y) || glm::distance(step.way.v, x) > longest) return std::nullopt;
+    if (f.is_flat && is_within(place.b + step.step)) break;
     bool moved = false;
     double part = 1;
     for (int k = 0; k < kHalvings && !moved; ++k, part *= 0.5) {
@@ -523,9 +546,8 @@ std::optional<DielectricMeshes::Facets::Place> DielectricMeshes::Facets::walk(in
     }
     if (!moved) break;
   }
-  if (all[place.facet].is_flat) return place;
-  if (!(step.error < kGoodEnough) || !step.crosses) return std::nullopt;
-  return place;
+  if (!all[place.facet].is_flat && !(step.error < kGoodEnough && step.crosses)) return std::nullopt;
+  return WalkEnd{place, step.way};
 }
 
 void DielectricMeshes::Facets::add_flat(const Facet& facet, double eta, DVec3 x, DVec3 y, MeshWays& found) const {
@@ -534,15 +556,16 @@ void DielectricMeshes::Facets::add_flat(const Facet& facet, double eta, DVec3 x,
 }
 
 /// All flat facets around one, as far as the ways through their planes pass near by them.
-void DielectricMeshes::Facets::search_around(uint32_t facet, double eta, DVec3 x, DVec3 y, MeshWays& found) const {
+void DielectricMeshes::Facets::search_around(const WalkEnd& near, double eta, DVec3 x, DVec3 y, MeshWays& found) const {
   constexpr size_t kMost = 48;
-  constexpr double kReach = 0.7;
-  std::array<uint32_t, kMost> queue{facet};
+  constexpr double kReach = 0.5;
+  const double cosine = eta > 1 ? near.way.cos_t : near.way.cos_i, sine = std::sqrt(std::max(0.0, (1 - cosine) * (1 + cosine)));
+  std::array<uint32_t, kMost> queue{near.place.facet};
   size_t count = 1;
   for (size_t i = 0; i < count; ++i) {
     const Facet& f = all[queue[i]];
     if (!f.is_flat) continue;
-    const auto plane = plane_way(f, eta, x, y);
+    const auto plane = plane_way(f, eta, x, y, sine);
     if (plane && is_within(plane->b)) found.add({plane->way, f.hit(plane->b), true});
     if (i > 0 && !(plane && std::min({plane->b.x, plane->b.y, 1 - plane->b.x - plane->b.y}) > -kReach)) continue;
     for (const uint32_t corner : f.corners)
@@ -564,14 +587,15 @@ MeshWays DielectricMeshes::ways(const Exit& exit, DVec3 x, DVec3 y) const {
     for (uint32_t i = first; i < first + count; ++i)
       if (all[i].is_flat) facets_->add_flat(all[i], eta, x, y, found);
   if (is_small && all[first].is_flat) return found;
+  if (exit.distance > exit.body->longest) return found;
   const DVec3 v = x + exit.distance / glm::distance(x, y) * (y - x);
-  const auto place = facets_->walk(body, {exit.facet, coordinates(all[exit.facet].p, v)}, eta, x, y);
-  if (!place) return found;
-  const Facet& f = all[place->facet];
+  const auto end = facets_->walk(body, {exit.facet, coordinates(all[exit.facet].p, v)}, eta, x, y, exit.body->longest);
+  if (!end) return found;
+  const Facet& f = all[end->place.facet];
   if (!f.is_flat) {
-    found.add({refraction_step(f.shaded(), place->b, eta, x, y).way, f.hit(place->b), false});
+    found.add({end->way, f.hit(end->place.b), false});
   } else if (!is_small) {
-    facets_->search_around(place->facet, eta, x, y, found);
+    facets_->search_around(*end, eta, x, y, found);
   }
   return found;
 }

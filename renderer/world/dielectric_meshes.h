@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -41,6 +42,9 @@ class DielectricMeshes {
   struct Body {
     float eta = 1;  ///< index inside over that outside
     DVec3 lower{0}, upper{0};
+    bool is_clear = false;  ///< it is convex, and nothing but a medium is inside
+    /// Ways that are longer inside are left to chance, since the medium lets next to nothing through.
+    double longest = std::numeric_limits<double>::infinity();
     double size() const { return glm::length(upper - lower); }
   };
 
@@ -71,8 +75,8 @@ class DielectricMeshes {
   /// meets none.
   std::optional<Exit> exit_towards(DVec3 from, DVec3 d, double distance) const;
 
-  /// Ways by one refraction from x to y, whose straight way leaves by `exit`: a function of x and y alone. All of them for bodies of no
-  /// more than kMostSearched triangles.
+  /// Ways by one refraction from x to y, whose straight way leaves by `exit`: a function of x and y alone. For bodies of no more than
+  /// kMostSearched triangles without vertex normals of their own all that are not too long.
   MeshWays ways(const Exit& exit, DVec3 x, DVec3 y) const;
 
   static constexpr uint32_t kMostSearched = 32;

@@ -11,8 +11,12 @@ namespace {
 std::string corners(double half) {
   std::string text = "\"point3 P\" [";
   for (int i = 0; i < 8; ++i)
-    for (int axis = 0; axis < 3; ++axis) text += " " + std::to_string((i >> axis & 1) != 0 ? half : -half);
-  return text + " ]";
+    for (int axis = 0; axis < 3; ++axis) {
+      text += ' ';
+      text += std::to_string((i >> axis & 1) != 0 ? half : -half);
+    }
+  text += " ]";
+  return text;
 }
 
 const std::string kBox =
