@@ -278,7 +278,7 @@ class MeshFinder {
         const auto& q = patches.patches[i];
         const PatchCorners c{patches.positions[q[0]], patches.positions[q[1]], patches.positions[q[2]], patches.positions[q[3]]};
         // A hole, through which nothing counts as closed.
-        if (!is_parallelogram(c)) continue;
+        if (glm::distance(c[1] - c[0], c[3] - c[2]) > 1e-12 * (glm::distance(c[1], c[2]) + glm::distance(c[0], c[3]))) continue;
         facet(c[0], c[1], c[3], nullptr, i, Facet::Part::kLowerHalf);
         facet(c[0], c[3], c[2], nullptr, i, Facet::Part::kUpperHalf);
       }
