@@ -53,7 +53,7 @@ inline constexpr std::array<FeatureInfo, 18> kFeatures{{
     {Feature::kLayeredClosedForms, "layered-closed-forms",
      "coated surfaces are evaluated without walks where the sum over all walks is known"},
     {Feature::kLightTree, "light-tree", "a light is chosen by an estimate of what arrives at the point, not by its power"},
-    {Feature::kDielectricBoundaries, "dielectric-boundaries", "lights are sampled through the surface of spheres of smooth glass"},
+    {Feature::kDielectricBoundaries, "dielectric-boundaries", "lights are sampled through spheres and closed meshes of smooth glass"},
     {Feature::kSplitting, "splitting", "a path goes on in several directions from its first scattering, where that is worth while"},
     {Feature::kRectangleSampling, "rectangle-sampling", "rectangular lights are sampled as a whole, near ones by solid angle"},
     {Feature::kTowardsLight, "towards-light",

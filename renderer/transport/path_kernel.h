@@ -330,7 +330,7 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
     if (sample->transmission) eta_scale_ *= sample->eta * sample->eta;
     if (uses(kRefractedLight)) {
       refraction_.reset();
-      if (sample->specular && sample->transmission && direction_pdf_ > 0) refraction_ = {&v.info, reference_, s.p, direction_pdf_};
+      if (sample->specular && sample->transmission && direction_pdf_ > 0) refraction_ = {&v.info, v.met, reference_, s.p, direction_pdf_};
     }
     const Vec3 wi = glm::normalize(frame.to_world(sample->wi));
     medium_ = medium_after_leaving(v, wi, sample->transmission);
@@ -395,8 +395,28 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   /// A scattering at `from`, in a direction of density `pdf`, that smooth glass refracted at v before anything else scattered.
   struct Refraction {
     const SurfaceInfo* info;
+    Hit hit;
     DVec3 from, v;
     float pdf;
+  };
+
+  /// The body of smooth glass that light from a certain place meets from outside; one of the two, or none.
+  struct Glass {
+    const DielectricSphere* sphere = nullptr;
+    std::optional<DielectricMeshes::Exit> mesh;
+  };
+  /// `sphere` is the one around `from`; d the unit vector towards the light, which lies at `distance`.
+  Glass glass_towards(const DielectricSphere* sphere, DVec3 from, DVec3 d, double distance) const;
+
+  /// A way through glass, with what the path loop needs beyond it.
+  struct WayThrough {
+    const RefractedWay& way;
+    const SurfaceInfo& surface;
+    float eta;        ///< index inside over that outside
+    Vec3 ng;          ///< the shape's normal
+    DVec3 outside;    ///< where a ray that left begins
+    bool is_empty;    ///< nothing but the medium lies on the way to the glass
+    double survives;  ///< the probability of being traced
   };
 
   /// Below this transmittance roulette decides whether a sample through glass is worth a shadow ray.
@@ -407,8 +427,11 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   /// over the density of y by area. With dω/dω′, the solid angle around the refracted direction over that around the straight one, this is
   /// a density in solid angle again.
   template <typename Evaluate>
-  void sample_through_glass(const DielectricSphere& body, const Lights::Choice& choice, const LightSample& light, DVec3 reference,
+  void sample_through_glass(const Glass& glass, const Lights::Choice& choice, const LightSample& light, DVec3 reference,
                             Evaluate&& evaluate);
+  template <typename Evaluate>
+  void add_refracted(const WayThrough& through, const Lights::Choice& choice, const LightSample& light, DVec3 reference, Stream& tracking,
+                     Evaluate&& evaluate);
 
   /// Of light from deep inside little arrives: roulette by the transmittance, first as if the surface was as near as it can be. In steps
   /// with one number, so that the light that goes on is divided by the last probability alone.
@@ -417,20 +440,27 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
     double survival(double length) const { return sigma > 0 ? std::min(1.0, std::exp(-sigma * length) / kRefractionRoulette) : 1.0; }
     double longest() const { return sigma > 0 ? -std::log(u * kRefractionRoulette) / sigma : static_cast<double>(kInf); }
   };
-  RefractionRoulette refraction_roulette(const DielectricSphere& body) const {
-    const bool closed = body.is_empty && medium_ != kNone && world_.media[medium_].is_homogeneous() && plan_.transmittance.closed_forms;
+  RefractionRoulette refraction_roulette(bool is_empty) const {
+    const bool closed = is_empty && medium_ != kNone && world_.media[medium_].is_homogeneous() && plan_.transmittance.closed_forms;
     return {stream(key_, vertex_, Purpose::kRefraction).uniform_double(),
             closed ? static_cast<double>(min_component(world_.media[medium_].homogeneous().sigma_t)) : 0};
   }
   bool survives_refraction(const DielectricSphere& body, DVec3 from) const {
-    const RefractionRoulette roulette = refraction_roulette(body);
+    const RefractionRoulette roulette = refraction_roulette(body.is_empty);
     return may_scatter() && roulette.u < roulette.survival(body.sphere.radius - glm::length(from - body.sphere.center));
   }
 
-  /// Light from there meets the glass from outside.
-  static bool is_outside(const DielectricSphere& body, const LightSample& light) {
-    return !light.is_bounded || length_squared(light.p - body.sphere.center) > body.sphere.radius * body.sphere.radius;
+  /// The same in a mesh with nothing inside.
+  bool survives_refraction_by_mesh(DVec3 from) const {
+    if (world_.dielectric_meshes.empty()) return true;
+    const double depth = world_.dielectric_meshes.depth(from);
+    if (!(depth > 0)) return true;
+    const RefractionRoulette roulette = refraction_roulette(true);
+    return may_scatter() && roulette.u < roulette.survival(depth);
   }
+
+  /// Whether a way through a mesh is sampled: not where something else coincides with it, since more than one boundary is crossed there.
+  bool is_alone(const MeshWay& found, DVec3 from) const;
 
   /// dω/dω′ of a way to the point p on a light with the normal n.
   static double solid_angle_ratio(const RefractedWay& way, DVec3 from, DVec3 p, DVec3 n) {

@@ -10,15 +10,21 @@ template <typename Evaluate>
 void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
   const auto choice = world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform_double(), reference, plan_.choose_by);
   if (!choice) return;
-  const DielectricSphere* glass = uses(kRefractedLight) ? world_.dielectric_around(reference) : nullptr;
+  const DielectricSphere* sphere = uses(kRefractedLight) ? world_.dielectric_around(reference) : nullptr;
   // Where nothing is inside, every light is outside.
-  if (glass != nullptr && glass->is_empty && !survives_refraction(*glass, reference)) return;
+  if (sphere != nullptr && sphere->is_empty && !survives_refraction(*sphere, reference)) return;
+  if (uses(kRefractedLight) && sphere == nullptr && !survives_refraction_by_mesh(reference)) return;
   Stream random = stream(key_, vertex_, Purpose::kLightSample);
   const Vec2 u = random.uniform2();
   const auto light = world_.lights.sample(choice->light, reference, u, random.uniform_double(), plan_.choose_by, plan_.pieces);
   if (!light || is_black(light->radiance)) return;
   if constexpr ((kMask & kVolumeScattering) != 0) light_direction_ = light->wi;
-  if (glass != nullptr && is_outside(*glass, *light)) return sample_through_glass(*glass, *choice, *light, reference, evaluate);
+  if (uses(kRefractedLight)) {
+    const DVec3 to = light->is_bounded ? light->p - reference : DVec3(light->wi);
+    const double length = glm::length(to);
+    const Glass glass = glass_towards(sphere, reference, to / length, light->is_bounded ? length : static_cast<double>(kInf));
+    if (glass.sphere != nullptr || glass.mesh) return sample_through_glass(glass, *choice, *light, reference, evaluate);
+  }
   Scattered scattered;
   evaluate(light->wi, scattered);
   if (is_black(scattered.value)) return;

@@ -27,6 +27,7 @@ struct SurfaceVertex {
   Vec3 ns;           ///< shading normal
   int hit = kNone;   ///< index in the set of coincident hits, if others coincide with it
   int next = kNone;  ///< in the same set, a hit that a transmission crosses, too: the dielectric body that begins where this one ends
+  const Hit& met;
 };
 
 /// One path, or one branch of it. Members carry what the next event needs; a copy is a branch that starts here.
@@ -213,7 +214,7 @@ class PathMachine {
     if (info.light != kNone) estimator().add_emission(hit, s, info.light);
     if (uses(kSurfaces) && !info.is_interface) {
       if (!uses(kGeneralSurfaces))
-        return estimator().scatter_at_surface({s, info, info.material, s.ns, index, kNone},
+        return estimator().scatter_at_surface({s, info, info.material, s.ns, index, kNone, hit},
                                               world_.materials.diffuse(info.material, context));
       const int material = world_.materials.resolve(info.material, context, crossing_);
       if (auto bsdf = world_.materials.bsdf(material, context, crossing_)) {
@@ -221,7 +222,7 @@ class PathMachine {
         const int next =
             uses(kTouching) && coincident_ ? join_dielectrics(world_, *coincident_, index, ray_.d, medium_, crossing_, *bsdf) : kNone;
         const Vec3 ns = world_.materials.shading_normal(material, context, {s.ns, s.dpdu, s.dpdv});
-        return estimator().scatter_at_surface({s, info, material, ns, index, next}, *bsdf);
+        return estimator().scatter_at_surface({s, info, material, ns, index, next, hit}, *bsdf);
       }
     }
     medium_ = medium_towards(info, s.ng, ray_.d);

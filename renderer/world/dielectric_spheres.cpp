@@ -4,23 +4,11 @@
 #include <cmath>
 
 #include "renderer/core/transform.h"
-#include "renderer/materials/ggx.h"
+#include "renderer/world/glass_shapes.h"
 #include "renderer/world/world.h"
 
 namespace woodcock {
 namespace {
-
-/// The index of a dielectric that is smooth everywhere, or 1.
-float smooth_index(const SceneDescription& scene, int material) {
-  if (material == kNone) return 1;
-  const MaterialDescription& m = scene.materials[static_cast<size_t>(material)];
-  const auto* glass = std::get_if<DielectricDescription>(&m.kind);
-  if (glass == nullptr || m.normal_map != kNone || m.displacement != kNone) return 1;
-  const RoughnessDescription& rough = glass->roughness;
-  if (rough.u.texture != kNone || rough.v.texture != kNone) return 1;
-  const auto alpha = [&](float x) { return rough.remap ? std::sqrt(std::max(0.0f, x)) : std::max(0.0f, x); };
-  return Ggx::from_alpha(alpha(rough.u.value), alpha(rough.v.value)).smooth() ? glass->eta : 1;
-}
 
 /// The length that `m` gives to every unit vector; nothing where it depends on the direction.
 std::optional<double> uniform_scale(const DMat4& m) {
@@ -40,8 +28,9 @@ bool is_apart(const Box3& box, const Sphere& s) {
 
 class Finder {
  public:
-  Finder(const SceneDescription& scene, const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, const Media& media)
-      : scene_(scene), geometry_(geometry), surfaces_(surfaces), media_(media), placed_(geometry.placed_shapes()) {}
+  Finder(const SceneDescription& scene, const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, const Media& media,
+         std::span<const DVec3> lamps)
+      : scene_(scene), geometry_(geometry), surfaces_(surfaces), media_(media), lamps_(lamps), placed_(geometry.placed_shapes()) {}
 
   void add(const ShapeDescription& description, int shape, const DMat4& render_from_space) {
     const SurfaceInfo& info = surfaces_[static_cast<size_t>(shape)];
@@ -50,15 +39,17 @@ class Finder {
     if (quadric == nullptr || !std::holds_alternative<SphereDescription>(description.kind)) return;
     if (quadric->z_min > -quadric->radius || quadric->z_max < quadric->radius) return;
     if (std::get<SphereDescription>(description.kind).phi_max < 360) return;
-    if (info.is_interface || info.passes_shadows || info.light != kNone) return;
-    const float eta = smooth_index(scene_, info.material);
+    const float eta = smooth_glass_index(scene_, info);
     const DMat4 placed = render_from_space * quadric->render_from_object;
     const std::optional<double> scale = uniform_scale(placed);
     if (eta == 1 || !scale) return;
     DielectricSphere body{{DVec3(placed[3]), *scale * quadric->radius}, shape, geometric.flip ? 1 / eta : eta, geometric.flip, true};
     size_t apart = 0;
     for (const PlacedShape& other : placed_) apart += is_apart(other.bounds, body.sphere);
-    body.is_empty = apart + 1 == placed_.size();
+    // A light sample from a lamp inside takes no part in the roulette of those through the glass.
+    const bool has_lamp = std::any_of(lamps_.begin(), lamps_.end(),
+                                      [&](DVec3 p) { return glm::distance(p, body.sphere.center) < body.sphere.radius * (1 + 1e-6); });
+    body.is_empty = apart + 1 == placed_.size() && !has_lamp;
     const int inside = info.is_boundary ? (geometric.flip ? info.outside : info.inside) : kNone;
     const bool scatters = inside != kNone && media_[inside].scatters();
     if (scatters || !body.is_empty) found_.push_back(body);
@@ -77,6 +68,7 @@ class Finder {
   const Geometry& geometry_;
   const std::vector<SurfaceInfo>& surfaces_;
   const Media& media_;
+  std::span<const DVec3> lamps_;
   std::vector<PlacedShape> placed_;
   std::vector<DielectricSphere> found_;
 };
@@ -84,10 +76,11 @@ class Finder {
 }  // namespace
 
 std::vector<DielectricSphere> find_dielectric_spheres(const SceneDescription& scene, const Geometry& geometry,
-                                                      const std::vector<SurfaceInfo>& surfaces, const Media& media, int top_level,
+                                                      const std::vector<SurfaceInfo>& surfaces, const Media& media,
+                                                      std::span<const DVec3> lamps, int top_level,
                                                       const std::vector<Geometry::Object>& objects,
                                                       const std::vector<Geometry::Instance>& instances) {
-  Finder finder(scene, geometry, surfaces, media);
+  Finder finder(scene, geometry, surfaces, media, lamps);
   for (int i = 0; i < top_level; ++i) finder.add(scene.shapes[static_cast<size_t>(i)], i, DMat4(1));
   for (const Geometry::Instance& instance : instances) {
     const Geometry::Object& object = objects[static_cast<size_t>(instance.object)];

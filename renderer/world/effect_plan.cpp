@@ -142,10 +142,12 @@ class Planner {
   void refracted_light() {
     const std::string name = "light through smooth glass";
     const bool shines = std::any_of(scene_.shapes.begin(), scene_.shapes.end(), [](const ShapeDescription& s) { return emits(s); });
-    if (world_.dielectric_spheres.empty() || scene_.settings.max_depth < 2)
-      return add(kRefractedLight, name, false, "no sphere of smooth glass holds anything that scatters");
+    const size_t spheres = world_.dielectric_spheres.size(), meshes = world_.dielectric_meshes.bodies().size();
+    if (spheres + meshes == 0 || scene_.settings.max_depth < 2)
+      return add(kRefractedLight, name, false, "no sphere or closed mesh of smooth glass holds anything that scatters");
     add(kRefractedLight, name, shines,
-        shines ? std::to_string(world_.dielectric_spheres.size()) + " spheres of smooth glass hold something that scatters"
+        shines ? std::to_string(spheres) + " spheres and " + std::to_string(meshes) +
+                     " closed meshes of smooth glass hold something that scatters"
                : "no area light shines");
   }
 

@@ -272,8 +272,13 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
       powers.push_back(std::max(bricks->power(), std::numeric_limits<double>::min()));
     }
   world->emissive_choice = DiscreteDistribution(powers);
+  std::vector<DVec3> lamps;
+  for (int i = 0; i < world->lights.size(); ++i)
+    if (world->lights.bounded_pmf(i) > 0) lamps.push_back(world->lights.position(i));
   world->dielectric_spheres =
-      find_dielectric_spheres(scene, world->geometry, world->surfaces, world->media, top_level, placed_objects, placements);
+      find_dielectric_spheres(scene, world->geometry, world->surfaces, world->media, lamps, top_level, placed_objects, placements);
+  world->dielectric_meshes =
+      DielectricMeshes(scene, world->geometry, world->surfaces, world->media, lamps, top_level, placed_objects, placements);
   world->effects = effect_bits(plan_effects(scene, *world));
   for (auto& note : scene_notes(scene, *world)) world->notes.push_back(std::move(note));
   return world;

@@ -19,6 +19,7 @@
 #include "renderer/scene/description.h"
 #include "renderer/textures/texture.h"
 #include "renderer/world/camera.h"
+#include "renderer/world/dielectric_meshes.h"
 #include "renderer/world/dielectric_spheres.h"
 #include "renderer/world/filter.h"
 
@@ -95,6 +96,9 @@ struct World {
     }
     return nullptr;
   }
+
+  /// The meshes through whose triangles light is sampled.
+  DielectricMeshes dielectric_meshes{};
 
   /// The medium behind a surface for a ray that leaves it in direction `w`.
   int medium_after(const SurfaceInfo& s, Vec3 ng, DVec3 w, int current) const {

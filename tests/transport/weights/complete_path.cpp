@@ -91,7 +91,19 @@ double equiangular_pdf(const SceneFormulas& scene, const Techniques& techniques,
 std::optional<Crossing> cross(const Body& glass, DVec3 from, DVec3 w) {
   Crossing c;
   c.v = from + glass.chord(from, w).second * w;
-  c.n = glm::normalize(c.v - glass.center);
+  if (glass.sphere) {
+    c.n = glm::normalize(c.v - glass.center);
+  } else {
+    // The nearest face, of those that the ray may leave by.
+    double nearest = 1e300;
+    for (int i = 0; i < 3; ++i) {
+      const double off = std::abs(c.v[i] - (w[i] > 0 ? glass.upper : glass.lower)[i]);
+      if (w[i] == 0 || off >= nearest) continue;
+      nearest = off;
+      c.n = DVec3(0);
+      c.n[i] = w[i] > 0 ? 1 : -1;
+    }
+  }
   c.cos_i = glm::dot(w, c.n);
   const DVec3 across = glass.eta * (w - c.cos_i * c.n);
   const double rest = 1 - glm::dot(across, across);
@@ -109,20 +121,20 @@ double refracted_pdf(const SceneFormulas& scene, const Techniques& techniques, c
   const LightFormula& light = scene.light(end.source);
   const Body* glass = scene.glass_around(vertex.p);
   if (glass == nullptr || light.is_delta()) return 0;
-  const double outside = glm::distance(end.p, glass->center) - glass->radius;
-  if (std::abs(outside) < 1e-6) throw TooNear{};
-  if (outside < 0) return 0;
+  const double inside = glass->depth(end.p);
+  if (std::abs(inside) < 1e-6) throw TooNear{};
+  if (inside > 0) return 0;
   const DVec3 n = light.normal(end.primitive, end.p), straight = end.p - vertex.p, w = glm::normalize(straight);
   const DVec3 s = glm::normalize(glm::cross(end.wi, std::abs(end.wi.x) < 0.5 ? DVec3(1, 0, 0) : DVec3(0, 1, 0))), t = glm::cross(end.wi, s);
   constexpr double kStep = 1e-6;
+  const auto met = cross(*glass, vertex.p, end.wi);
+  if (!met) throw TooNear{};
   const auto arrive = [&](double ds, double dt) {
     const auto c = cross(*glass, vertex.p, glm::normalize(end.wi + ds * s + dt * t));
-    if (!c) throw TooNear{};
+    if (!c || glm::dot(c->n, met->n) < 0.5) throw TooNear{};
     return c->v + glm::dot(end.p - c->v, n) / glm::dot(c->wo, n) * c->wo;
   };
-  const auto c = cross(*glass, vertex.p, end.wi);
-  if (!c) throw TooNear{};
-  const double side = glm::dot(w, n), refracted_side = glm::dot(c->wo, n);
+  const double side = glm::dot(w, n), refracted_side = glm::dot(met->wo, n);
   if (std::abs(side) < 1e-5 || std::abs(refracted_side) < 1e-5) throw TooNear{};
   if ((side > 0) != (refracted_side > 0)) return 0;
   const DVec3 by_s = (arrive(kStep, 0) - arrive(-kStep, 0)) / (2 * kStep), by_t = (arrive(0, kStep) - arrive(0, -kStep)) / (2 * kStep);

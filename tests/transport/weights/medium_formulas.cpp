@@ -245,6 +245,12 @@ std::pair<double, double> Body::chord(DVec3 o, DVec3 d) const {
   return {first, second};
 }
 
+double Body::depth(DVec3 p) const {
+  if (sphere) return radius - glm::distance(p, center);
+  const DVec3 room = glm::min(p - lower, upper - p);
+  return std::min({room.x, room.y, room.z});
+}
+
 SceneFormulas::SceneFormulas(const SceneDescription& scene, const World& world) : scene_(scene) {
   // How large the scene is counts in the choice of lights only.
   const Box3 bounds = world.geometry.bounds();
@@ -302,6 +308,9 @@ SceneFormulas::SceneFormulas(const SceneDescription& scene, const World& world) 
         body.samples_refraction = true;
         body.is_empty = found.is_empty;
       }
+    for (const DielectricMeshes::Body& found : world.dielectric_meshes.bodies())
+      if (!body.sphere && glm::distance(found.lower, body.lower) + glm::distance(found.upper, body.upper) < 1e-3 * found.size())
+        body.samples_refraction = true;
     bodies_.push_back(body);
   }
   emissive_pmf_.resize(media_.size());
@@ -339,7 +348,7 @@ double SceneFormulas::pmf(int light, DVec3 at, bool by_power) const {
 const Body* SceneFormulas::glass_around(DVec3 p) const {
   for (const Body& body : bodies_) {
     if (!body.samples_refraction || body.eta == 1) continue;
-    const double inside = body.radius - glm::distance(p, body.center);
+    const double inside = body.depth(p);
     if (std::abs(inside) < 1e-6) throw TooNear{};
     if (inside > 0) return &body;
   }
@@ -355,11 +364,7 @@ DVec3 SceneFormulas::environment() const {
 
 std::optional<int> SceneFormulas::medium_at(DVec3 p, double margin) const {
   for (const Body& body : bodies_) {
-    double inside = body.radius - glm::distance(p, body.center);
-    if (!body.sphere) {
-      const DVec3 room = glm::min(p - body.lower, body.upper - p);
-      inside = std::min({room.x, room.y, room.z});
-    }
+    const double inside = body.depth(p);
     if (std::abs(inside) < margin) return std::nullopt;
     if (inside > 0) return body.inside;
   }

@@ -208,7 +208,7 @@ class Generator {
     const DVec3 p = place();
     const std::string name = fmt::format("m{}", places_.size());
     const double size = uniform(0.2, 0.36), half = 0.57 * size;
-    const bool glass = chance(is_glassy_ ? 0.9 : 0.3), cube = chance(is_glassy_ ? 0.1 : 0.4);
+    const bool glass = chance(is_glassy_ ? 0.9 : 0.3), cube = chance(0.4);
     const double depth = std::exp(uniform(-1, 3));
     const auto one = [&](const std::string& part) {
       text_ += chance(0.5) ? homogeneous(part, depth, chance(0.25)) : grid(part, p, (cube ? half : size) * uniform(0.7, 1.1), depth);
@@ -313,7 +313,7 @@ class Generator {
     }
   }
 
-  bool is_glassy_;  ///< bodies are spheres of smooth glass, most of them
+  bool is_glassy_;  ///< bodies are of smooth glass, most of them
   Stream random_;
   std::vector<DVec3> places_;
   int mixes_ = 0;

@@ -130,8 +130,10 @@ struct Body {
   int inside = kNone;
   double eta = 1;                   ///< of smooth glass around it; 1 where there is none, or where it is rough
   bool samples_refraction = false;  ///< light is sampled through it
-  bool is_empty = true;             ///< nothing but the medium is inside
+  bool is_empty = true;             ///< roulette goes by the medium: of a box, or of a sphere with nothing else inside
 
+  /// How far inside of the nearest part of the boundary; negative outside.
+  double depth(DVec3 p) const;
   /// Where a ray is inside; empty where first >= second.
   std::pair<double, double> chord(DVec3 o, DVec3 d) const;
 };
@@ -152,7 +154,7 @@ class SceneFormulas {
 
   /// The medium around a point, kNone for vacuum; nothing within `margin` of a boundary.
   std::optional<int> medium_at(DVec3 p, double margin) const;
-  /// The sphere of smooth glass around a point, if light is sampled through it. Throws TooNear.
+  /// The body of smooth glass around a point, if light is sampled through it. Throws TooNear.
   const Body* glass_around(DVec3 p) const;
   /// Through all media along the way, and the depth in its densest channel; nothing where it is known by an estimate only.
   struct Way {

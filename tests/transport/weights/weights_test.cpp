@@ -29,24 +29,34 @@ TEST(Weights, N69_weights_sum_to_one_on_every_path_of_random_scenes) {
   EXPECT_LT(report.too_near, report.total() / 500 + 10);
 }
 
-/// Milk in a ball of smooth glass under a wide lamp that the camera does not see: it is met by chance behind the glass as often as it
-/// is sampled through it.
+/// Milk in a ball and in a box of smooth glass under a wide lamp that the camera does not see: it is met by chance behind the glass as
+/// often as it is sampled through it.
 TEST(Weights, N69_light_met_behind_smooth_glass_is_weighted_against_samples_through_it) {
-  const std::string text =
-      "LookAt 0 0 4  0 0 0  0 1 0\nCamera \"perspective\" \"float fov\" 30\nFilm \"rgb\" \"integer xresolution\" 8 \"integer yresolution\" "
-      "8\nIntegrator \"volpath\" \"integer maxdepth\" 12\nWorldBegin\n"
-      "AttributeBegin\nAreaLightSource \"diffuse\" \"rgb L\" [ 3 2 1 ] \"bool twosided\" true\nMaterial \"diffuse\" \"rgb reflectance\" [ "
-      "0 0 0 "
-      "]\nTranslate 0 3 0\nRotate 90 1 0 0\nShape \"disk\" \"float radius\" 4\nAttributeEnd\n"
-      "MakeNamedMedium \"milk\" \"string type\" \"homogeneous\" \"rgb sigma_s\" [ 1 1 1 ] \"rgb sigma_a\" [ 0.1 0.1 0.1 ] \"float g\" 0.4\n"
-      "MediumInterface \"milk\" \"\"\nMaterial \"dielectric\" \"float eta\" 1.4\nShape \"sphere\" \"float radius\" 1\n";
-  PathSettings settings;
-  settings.frame_seed = frame_seed(7, 0);
-  const CheckReport report = check_scene(text, settings, false, 20000, "milk in glass");
-  EXPECT_GT(report.contributions.front(), 1000) << "met by chance";
-  EXPECT_GT(report.contributions.back(), 1000) << "sampled through the glass";
-  EXPECT_EQ(report.failed, 0) << describe(report);
-  EXPECT_LT(report.too_near, report.total() / 100) << describe(report);
+  const std::string box =
+      "Shape \"trianglemesh\" \"integer indices\" [ 0 2 1 1 2 3  4 5 6 5 7 6  0 1 4 1 5 4  2 6 3 3 6 7  0 4 2 2 4 6  1 3 5 3 7 5 ] "
+      "\"point3 "
+      "P\" [ -1 -1 -1  1 -1 -1  -1 1 -1  1 1 -1  -1 -1 1  1 -1 1  -1 1 1  1 1 1 ]\n";
+  for (const std::string& shape : {std::string("Shape \"sphere\" \"float radius\" 1\n"), box}) {
+    const std::string text =
+        "LookAt 0 0 4  0 0 0  0 1 0\nCamera \"perspective\" \"float fov\" 30\nFilm \"rgb\" \"integer xresolution\" 8 \"integer "
+        "yresolution\" "
+        "8\nIntegrator \"volpath\" \"integer maxdepth\" 12\nWorldBegin\n"
+        "AttributeBegin\nAreaLightSource \"diffuse\" \"rgb L\" [ 3 2 1 ] \"bool twosided\" true\nMaterial \"diffuse\" \"rgb reflectance\" "
+        "[ "
+        "0 0 0 "
+        "]\nTranslate 0 3 0\nRotate 90 1 0 0\nShape \"disk\" \"float radius\" 4\nAttributeEnd\n"
+        "MakeNamedMedium \"milk\" \"string type\" \"homogeneous\" \"rgb sigma_s\" [ 1 1 1 ] \"rgb sigma_a\" [ 0.1 0.1 0.1 ] \"float g\" "
+        "0.4\n"
+        "MediumInterface \"milk\" \"\"\nMaterial \"dielectric\" \"float eta\" 1.4\n" +
+        shape;
+    PathSettings settings;
+    settings.frame_seed = frame_seed(7, 0);
+    const CheckReport report = check_scene(text, settings, false, 20000, "milk in glass");
+    EXPECT_GT(report.contributions.front(), 1000) << "met by chance";
+    EXPECT_GT(report.contributions.back(), 1000) << "sampled through the glass";
+    EXPECT_EQ(report.failed, 0) << describe(report);
+    EXPECT_LT(report.too_near, report.total() / 100) << describe(report);
+  }
 }
 
 /// A ball that scatters forwards over a floor, under two suns and a sky: what a branch finds the path finds as well, on the floor and
