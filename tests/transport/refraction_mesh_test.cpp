@@ -95,7 +95,7 @@ TEST(RefractionThroughMeshes, LeavesTheMeanOfMilkInAMeshOfFlatTrianglesWhateverW
 }
 
 /// A point lamp inside is not part of the roulette of samples through the glass.
-TEST(RefractionThroughMeshes, LeavesTheMeanWhereALampStandsInside) {
+TEST(RefractionThroughMeshes, N69_a_lamp_inside_of_glass_takes_no_part_in_the_roulette_of_those_outside) {
   const std::string lamp = "\nLightSource \"point\" \"rgb I\" [ 1 1 1 ] \"point3 from\" [ .1 .2 0 ]";
   const std::string milk =
       R"(MakeNamedMedium "m" "string type" "homogeneous" "rgb sigma_s" [ 6 6 6 ] "rgb sigma_a" [ .1 .1 .2 ] "float g" .6)";
