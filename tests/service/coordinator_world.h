@@ -9,11 +9,13 @@
 #include <fstream>
 #include <functional>
 #include <future>
+#include <iterator>
 #include <memory>
 #include <stdexcept>
 #include <string>
 
 #include "coordinator/coordinator.h"
+#include "renderer/accuracy/error_summary.h"
 #include "renderer/film/dyadic.h"
 #include "renderer/film/exr.h"
 #include "rpc/convert.h"
@@ -196,5 +198,28 @@ class CoordinatorWorld {
   std::string dir_;
   std::function<void(CoordinatorOptions&)> adjust_;
 };
+
+/// The frame in one go: what any split of the work must give.
+inline std::string whole_frame(const CoordinatorWorld& world, int64_t samples) {
+  FrameHeader header = world.header();
+  header.build = world.build;
+  header.arithmetic_class = "class";
+  std::vector<Tile> nodes;
+  for (const SampleRange range : dyadic_nodes({0, samples})) {
+    v1::TaskSpec task;
+    *task.mutable_header() = rpc::to_wire(header);
+    *task.mutable_rect() = rpc::to_wire(header.bounds);
+    *task.mutable_range() = rpc::to_wire(range);
+    nodes.push_back(decode_exr(CoordinatorWorld::tile_bytes(task), "node").nodes.at(0));
+  }
+  const TemporaryFolder folder;
+  write_exr(folder.path + "/frame.exr", header, nodes, &kErrorSummary);
+  std::ifstream in(folder.path + "/frame.exr", std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+inline std::string image_of(CoordinatorWorld& world, const std::string& job) {
+  return world.coordinator->blobs().read(world.coordinator->frame(job, 0, false).image_digest(), 1 << 20);
+}
 
 }  // namespace woodcock::coordinator

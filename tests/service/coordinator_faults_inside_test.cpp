@@ -1,0 +1,133 @@
+// F29, F30 and F34 on a coordinator in this process: many watchers, previews, frames of a build that is gone.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+#include <thread>
+#include <vector>
+
+#include "coordinator/server.h"
+#include "rpc/channel.h"
+#include "tests/service/coordinator_world.h"
+
+namespace woodcock::coordinator {
+namespace {
+
+TEST(Coordinator, F30APreviewShowsTheFirstSamplesThatThereAre) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path);
+  struct Stage {
+    int tasks;
+    int64_t samples, missing;
+  };
+  // A block of a map in four tiles, and in one; of each tile 16, 16, 32 and then 64 samples a task.
+  const std::map<uint32_t, std::vector<Stage>> stages{{16, {{1, 16, 768}, {4, 16, 0}, {6, 16, 0}, {8, 32, 0}}},
+                                                      {32, {{1, 16, 0}, {2, 32, 0}, {3, 64, 0}, {6, 256, 0}, {8, 384, 0}}}};
+  for (const auto& [tile, all] : stages) {
+    v1::SubmitJobRequest request = world.request("r" + std::to_string(tile), 512);
+    request.mutable_settings()->set_tile_size(tile);
+    const std::string id = world.coordinator->submit(request).job_id();
+    int committed = 0;
+    const auto expect = [&](const Stage& stage) {
+      const v1::GetFrameResponse preview = world.coordinator->frame(id, 0, true);
+      EXPECT_TRUE(preview.partial());
+      EXPECT_EQ(preview.statistics().missing_pixels(), stage.missing) << stage.tasks << " tasks of tile " << tile;
+      EXPECT_EQ(preview.statistics().samples(), stage.samples) << stage.tasks << " tasks of tile " << tile;
+      // Sample i of every pixel is i + 1.
+      EXPECT_FLOAT_EQ(static_cast<float>(preview.statistics().image_mean()), 0.5f * static_cast<float>(stage.samples + 1));
+    };
+    for (const Stage& stage : all) {
+      committed += world.work("w1", stage.tasks - committed);
+      ASSERT_EQ(committed, stage.tasks);
+      expect(stage);
+    }
+    world.coordinator->cancel(id);
+    expect(all.back());
+  }
+}
+
+TEST(Coordinator, F29AnyNumberOfWatchersIsServedAndEachHearsTheEnd) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path);
+  const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
+  CoordinatorServer server(*world.coordinator, "127.0.0.1:0");
+  const auto stub = v1::JobsService::NewStub(rpc::make_channel(server.address()));
+  constexpr int kWatchers = 150;
+  std::atomic<int> begun{0}, heard{0};
+  std::vector<std::thread> watchers;
+  for (int i = 0; i < kWatchers; ++i)
+    watchers.emplace_back([&] {
+      grpc::ClientContext context;
+      rpc::set_deadline(context, std::chrono::seconds(100));
+      v1::WatchJobRequest request;
+      request.set_job_id(id);
+      const auto reader = stub->WatchJob(&context, request);
+      v1::WatchJobResponse response;
+      if (!reader->Read(&response)) return;
+      ++begun;
+      while (reader->Read(&response)) {
+      }
+      heard += reader->Finish().ok() && response.job().state() == v1::JOB_STATE_DONE;
+    });
+  for (int i = 0; i < 3000 && begun < kWatchers; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_EQ(begun, kWatchers);
+  world.work("w1");
+  world.wait_until_ended(id);
+  for (std::thread& watcher : watchers) watcher.join();
+  EXPECT_EQ(heard, kWatchers);
+}
+
+TEST(Coordinator, AWatcherIsToldWhenTheCoordinatorStops) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path);
+  const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
+  CoordinatorServer server(*world.coordinator, "127.0.0.1:0");
+  const auto stub = v1::JobsService::NewStub(rpc::make_channel(server.address()));
+  grpc::ClientContext context;
+  rpc::set_deadline(context, std::chrono::seconds(60));
+  v1::WatchJobRequest request;
+  request.set_job_id(id);
+  const auto reader = stub->WatchJob(&context, request);
+  v1::WatchJobResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  server.stop();
+  EXPECT_FALSE(reader->Read(&response));
+  EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
+}
+
+TEST(Coordinator, F34AFrameOfABuildThatIsGoneStartsAgainWhenAsked) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path);
+  const std::string id = world.coordinator->submit(world.request("r1", 12)).job_id();
+  EXPECT_EQ(world.work("old", 3), 3);
+  EXPECT_THROW(world.coordinator->repin(id), rpc::RpcError) << "its worker is there";
+  world.now += 120 * kSecond;
+  world.build = "new build";
+  EXPECT_EQ(world.work("new"), 0);
+  EXPECT_THAT(world.coordinator->job(id).state_reason(), ::testing::HasSubstr("no connected worker has build build"));
+  EXPECT_EQ(world.coordinator->repin(id).frames(), 1);
+  EXPECT_EQ(world.coordinator->job(id).progress().tasks_done(), 0);
+  EXPECT_EQ(world.work("new", 2), 2);
+  // What is settled is that of the new build, also after a restart.
+  world.stop();
+  world.start();
+  EXPECT_EQ(world.coordinator->job(id).progress().tasks_done(), 2);
+  EXPECT_EQ(world.work("new"), 6);
+  EXPECT_EQ(world.wait_until_ended(id).state(), v1::JOB_STATE_DONE);
+  EXPECT_TRUE(image_of(world, id) == whole_frame(world, 12));
+}
+
+TEST(Coordinator, F34AFrameOfABuildThatIsGoneStartsAgainByItselfWhereThatIsAllowed) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path, [](CoordinatorOptions& options) { options.scheduler.repin_after = 200 * kSecond; });
+  const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
+  EXPECT_EQ(world.work("old", 3), 3);
+  world.now += 120 * kSecond;
+  world.build = "new build";
+  for (int i = 0; i < 300 && world.coordinator->job(id).state() < v1::JOB_STATE_DONE; ++i) world.work("new");
+  EXPECT_EQ(world.wait_until_ended(id).state(), v1::JOB_STATE_DONE);
+  EXPECT_TRUE(image_of(world, id) == whole_frame(world, 8));
+}
+
+}  // namespace
+}  // namespace woodcock::coordinator
