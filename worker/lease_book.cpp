@@ -76,6 +76,11 @@ LeaseBook::Result* LeaseBook::find_result(const std::string& result_key) {
 void LeaseBook::erase(const std::string& lease_id) {
   std::erase_if(leases_, [&](const Lease& l) { return l.grant.lease_id() == lease_id; });
 }
+void LeaseBook::offer_for(Result& result, const v1::LeaseGrant& grant) {
+  result.offer.set_lease_id(grant.lease_id());
+  result.offer.set_task_id(grant.task().task_id());
+  result.offer.set_epoch(grant.epoch());
+}
 void LeaseBook::erase_result(const std::string& result_key) {
   spool_.remove(result_key);
   std::erase_if(results_, [&](const Result& r) { return r.offer.result_key() == result_key; });
@@ -167,7 +172,17 @@ void LeaseBook::take_verdict(const v1::OfferVerdict& verdict, BootTime now, std:
     case v1::VERDICT_COMMITTED:
     case v1::VERDICT_ALREADY_COMMITTED:
       erase(result->offer.lease_id());
-      erase_result(verdict.result_key());
+      // Two jobs may ask for the same result: the other lease has waited for this verdict.
+      if (const auto other = std::find_if(
+              leases_.begin(), leases_.end(),
+              [&](const Lease& l) { return l.stage == Stage::kOffering && l.grant.task().result_key() == verdict.result_key(); });
+          other != leases_.end()) {
+        offer_for(*result, other->grant);
+        result->state = Result::State::kToOffer;
+        ++news_;
+      } else {
+        erase_result(verdict.result_key());
+      }
       break;
     case v1::VERDICT_UPLOAD_NEEDED:
       result->state = Result::State::kToUpload;
@@ -209,10 +224,8 @@ void LeaseBook::take_grant(const v1::LeaseGrant& grant, BootTime now, std::vecto
   // Counted from the reply, not from the request, which may have been held open for long.
   lease.deadline = now + std::chrono::milliseconds(grant.duration_ms());
   if (Result* result = find_result(key)) {
-    // Rendered before, and not acknowledged.
-    result->offer.set_lease_id(grant.lease_id());
-    result->offer.set_task_id(grant.task().task_id());
-    result->offer.set_epoch(grant.epoch());
+    // Rendered before, and not acknowledged. An offer for another lease may be under way, whose verdict comes first.
+    if (find(result->offer.lease_id()) == nullptr) offer_for(*result, grant);
     lease.stage = Stage::kOffering;
     notes.push_back(fmt::format("task {} is in the spool already", grant.task().task_id()));
   }

@@ -223,11 +223,38 @@ TEST_F(LeaseBookTest, GrantOfATaskThatIsInTheSpoolIsNotRenderedAgain) {
   finish("a", '1');
   book_.next_to_upload(now_);
   book_.uploaded(key('1'));
+  now_ += seconds(100);
+  book_.expire(now_);
   give(grant("b", '1'));
   EXPECT_FALSE(book_.next_to_fetch().has_value());
   const auto request = sync();
   ASSERT_THAT(request.offers(), SizeIs(1));
   EXPECT_EQ(request.offers(0).lease_id(), "b");
+}
+
+// Two jobs may ask for one result. An offer may be under way when the second lease comes.
+TEST_F(LeaseBookTest, LeasesOfOneResultEachGetAVerdict) {
+  for (const v1::Verdict verdict : {v1::VERDICT_COMMITTED, v1::VERDICT_ALREADY_COMMITTED, v1::VERDICT_REFUSED}) {
+    give(grant("a", '1'));
+    finish("a", '1');
+    book_.next_to_upload(now_);
+    book_.uploaded(key('1'));
+    v1::SyncRequest request = sync();
+    v1::SyncResponse response = answer(request, verdict);
+    *response.add_grants() = grant("b", '1');
+    *response.add_grants() = grant("c", '1');
+    give(grant("b", '1'));
+    book_.apply(request, now_, response, now_);
+    for (const char* lease : {"b", "c"}) {
+      request = sync();
+      ASSERT_THAT(request.offers(), SizeIs(1)) << lease;
+      EXPECT_EQ(request.offers(0).lease_id(), lease);
+      response = answer(request, verdict);
+      book_.apply(request, now_, response, now_);
+    }
+    EXPECT_TRUE(book_.idle());
+    EXPECT_FALSE(fs::exists(spool_.tile_path(key('1'))));
+  }
 }
 
 TEST_F(LeaseBookTest, CancelledLeaseStopsAndItsFailureIsNotReported) {
