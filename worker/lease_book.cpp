@@ -76,10 +76,10 @@ LeaseBook::Result* LeaseBook::find_result(const std::string& result_key) {
 void LeaseBook::erase(const std::string& lease_id) {
   std::erase_if(leases_, [&](const Lease& l) { return l.grant.lease_id() == lease_id; });
 }
-void LeaseBook::offer_for(Result& result, const v1::LeaseGrant& grant) {
-  result.offer.set_lease_id(grant.lease_id());
-  result.offer.set_task_id(grant.task().task_id());
-  result.offer.set_epoch(grant.epoch());
+void LeaseBook::offer_for(v1::ResultOffer& offer, const v1::LeaseGrant& grant) {
+  offer.set_lease_id(grant.lease_id());
+  offer.set_task_id(grant.task().task_id());
+  offer.set_epoch(grant.epoch());
 }
 void LeaseBook::erase_result(const std::string& result_key) {
   spool_.remove(result_key);
@@ -177,7 +177,7 @@ void LeaseBook::take_verdict(const v1::OfferVerdict& verdict, BootTime now, std:
               leases_.begin(), leases_.end(),
               [&](const Lease& l) { return l.stage == Stage::kOffering && l.grant.task().result_key() == verdict.result_key(); });
           other != leases_.end()) {
-        offer_for(*result, other->grant);
+        offer_for(result->offer, other->grant);
         result->state = Result::State::kToOffer;
         ++news_;
       } else {
@@ -225,7 +225,7 @@ void LeaseBook::take_grant(const v1::LeaseGrant& grant, BootTime now, std::vecto
   lease.deadline = now + std::chrono::milliseconds(grant.duration_ms());
   if (Result* result = find_result(key)) {
     // Rendered before, and not acknowledged. An offer for another lease may be under way, whose verdict comes first.
-    if (find(result->offer.lease_id()) == nullptr) offer_for(*result, grant);
+    if (find(result->offer.lease_id()) == nullptr) offer_for(result->offer, grant);
     lease.stage = Stage::kOffering;
     notes.push_back(fmt::format("task {} is in the spool already", grant.task().task_id()));
   }
@@ -305,9 +305,7 @@ bool LeaseBook::should_stop(const std::string& lease_id, BootTime now) const {
 
 void LeaseBook::rendered(const v1::LeaseGrant& grant, const RenderedTile& tile) {
   v1::ResultOffer offer;
-  offer.set_lease_id(grant.lease_id());
-  offer.set_task_id(grant.task().task_id());
-  offer.set_epoch(grant.epoch());
+  offer_for(offer, grant);
   offer.set_result_key(tile.result_key);
   offer.set_result_digest(tile.digest);
   offer.set_bytes(static_cast<int64_t>(tile.bytes));

@@ -102,7 +102,7 @@ class LeaseBook {
   const Lease* find(const std::string& lease_id) const;
   Result* find_result(const std::string& result_key);
   void erase(const std::string& lease_id);
-  static void offer_for(Result& result, const v1::LeaseGrant& grant);
+  static void offer_for(v1::ResultOffer& offer, const v1::LeaseGrant& grant);
   void erase_result(const std::string& result_key);
   void release(const v1::LeaseGrant& grant);
   void take_verdict(const v1::OfferVerdict& verdict, BootTime now, std::vector<std::string>& notes);

@@ -118,14 +118,8 @@ class Arrival {
   }
   Way way(double t, int side) const {
     const Angles a = angles(t, side);
-    return {a.slope(),
-            a.u.sine,
-            a.u.slope,
-            a.u.cosine * a.i.cosine + a.u.sine * a.i.sine,
-            a.u.sine * a.i.cosine - a.u.cosine * a.i.sine,
-            a.i.cosine,
-            a.o.cosine,
-            a.y.cosine};
+    return {a.slope(),  a.u.sine,   a.u.slope, a.u.cosine * a.i.cosine + a.u.sine * a.i.sine, a.u.sine * a.i.cosine - a.u.cosine * a.i.sine,
+            a.i.cosine, a.o.cosine, a.y.cosine};
   }
 
   bool reflects_;

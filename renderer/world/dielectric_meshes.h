@@ -30,7 +30,8 @@ struct MeshWays {
   static constexpr size_t kCapacity = 8;
   std::array<MeshWay, kCapacity> ways;
   size_t count = 0;
-  std::span<const MeshWay> all() const { return {ways.data(), count}; }
+  std::span<const MeshWay> all() const& { return {ways.data(), count}; }
+  void all() const&& = delete;  ///< a span must not outlive its ways
   void add(const MeshWay& way) {
     if (count < kCapacity) ways[count++] = way;
   }

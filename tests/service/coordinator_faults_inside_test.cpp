@@ -46,22 +46,31 @@ TEST(Coordinator, F30APreviewShowsTheFirstSamplesThatThereAre) {
   }
 }
 
-TEST(Coordinator, F29AnyNumberOfWatchersIsServedAndEachHearsTheEnd) {
+/// A job that clients can watch by gRPC.
+struct WatchedJob {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world{folder.path};
   const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
-  CoordinatorServer server(*world.coordinator, "127.0.0.1:0");
-  const auto stub = v1::JobsService::NewStub(rpc::make_channel(server.address()));
+  CoordinatorServer server{*world.coordinator, "127.0.0.1:0"};
+  const std::unique_ptr<v1::JobsService::Stub> stub = v1::JobsService::NewStub(rpc::make_channel(server.address()));
+
+  std::unique_ptr<grpc::ClientReader<v1::WatchJobResponse>> watch(grpc::ClientContext& context, std::chrono::seconds deadline) const {
+    rpc::set_deadline(context, deadline);
+    v1::WatchJobRequest request;
+    request.set_job_id(id);
+    return stub->WatchJob(&context, request);
+  }
+};
+
+TEST(Coordinator, F29AnyNumberOfWatchersIsServedAndEachHearsTheEnd) {
+  WatchedJob job;
   constexpr int kWatchers = 150;
   std::atomic<int> begun{0}, heard{0};
   std::vector<std::thread> watchers;
   for (int i = 0; i < kWatchers; ++i)
     watchers.emplace_back([&] {
       grpc::ClientContext context;
-      rpc::set_deadline(context, std::chrono::seconds(100));
-      v1::WatchJobRequest request;
-      request.set_job_id(id);
-      const auto reader = stub->WatchJob(&context, request);
+      const auto reader = job.watch(context, std::chrono::seconds(100));
       v1::WatchJobResponse response;
       if (!reader->Read(&response)) return;
       ++begun;
@@ -71,26 +80,19 @@ TEST(Coordinator, F29AnyNumberOfWatchersIsServedAndEachHearsTheEnd) {
     });
   for (int i = 0; i < 3000 && begun < kWatchers; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   EXPECT_EQ(begun, kWatchers);
-  world.work("w1");
-  world.wait_until_ended(id);
+  job.world.work("w1");
+  job.world.wait_until_ended(job.id);
   for (std::thread& watcher : watchers) watcher.join();
   EXPECT_EQ(heard, kWatchers);
 }
 
 TEST(Coordinator, AWatcherIsToldWhenTheCoordinatorStops) {
-  const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
-  const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
-  CoordinatorServer server(*world.coordinator, "127.0.0.1:0");
-  const auto stub = v1::JobsService::NewStub(rpc::make_channel(server.address()));
+  WatchedJob job;
   grpc::ClientContext context;
-  rpc::set_deadline(context, std::chrono::seconds(60));
-  v1::WatchJobRequest request;
-  request.set_job_id(id);
-  const auto reader = stub->WatchJob(&context, request);
+  const auto reader = job.watch(context, std::chrono::seconds(60));
   v1::WatchJobResponse response;
   ASSERT_TRUE(reader->Read(&response));
-  server.stop();
+  job.server.stop();
   EXPECT_FALSE(reader->Read(&response));
   EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
 }
