@@ -11,12 +11,10 @@
 
 #include "renderer/geometry/geometry.h"
 #include "renderer/geometry/refraction.h"
-#include "renderer/media/medium.h"
-#include "renderer/scene/description.h"
 
 namespace woodcock {
 
-struct SurfaceInfo;
+struct GlassScene;
 
 /// A way through one triangle.
 struct MeshWay {
@@ -60,11 +58,8 @@ class DielectricMeshes {
 
   /// The connected meshes, of one shape or of several that are alike (triangles, or flat quadrilaterals without vertex normals), that have
   /// no edge but those that two triangles share, whose material is a dielectric of index other than one without roughness, normal map,
-  /// opacity below one or emission, and which hold a medium that scatters or other shapes. `surfaces` and `instances` as in the world;
-  /// objects[i].first_shape of the objects that are placed; `lamps` are the positions of bounded lights.
-  DielectricMeshes(const SceneDescription& scene, const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, const Media& media,
-                   std::span<const DVec3> lamps, int top_level, const std::vector<Geometry::Object>& objects,
-                   const std::vector<Geometry::Instance>& instances);
+  /// opacity below one or emission, and which hold a medium that scatters or other shapes.
+  explicit DielectricMeshes(const GlassScene& glass);
 
   bool empty() const { return bodies_.empty(); }
   std::span<const Body> bodies() const { return bodies_; }

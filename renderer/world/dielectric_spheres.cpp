@@ -28,18 +28,16 @@ bool is_apart(const Box3& box, const Sphere& s) {
 
 class Finder {
  public:
-  Finder(const SceneDescription& scene, const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, const Media& media,
-         std::span<const DVec3> lamps)
-      : scene_(scene), geometry_(geometry), surfaces_(surfaces), media_(media), lamps_(lamps), placed_(geometry.placed_shapes()) {}
+  explicit Finder(const GlassScene& glass) : glass_(glass), placed_(glass.geometry.placed_shapes()) {}
 
   void add(const ShapeDescription& description, int shape, const DMat4& render_from_space) {
-    const SurfaceInfo& info = surfaces_[static_cast<size_t>(shape)];
-    const Shape& geometric = geometry_.shapes()[static_cast<size_t>(shape)];
+    const SurfaceInfo& info = glass_.surfaces[static_cast<size_t>(shape)];
+    const Shape& geometric = glass_.geometry.shapes()[static_cast<size_t>(shape)];
     const auto* quadric = std::get_if<Quadric>(&geometric.geometry);
     if (quadric == nullptr || !std::holds_alternative<SphereDescription>(description.kind)) return;
     if (quadric->z_min > -quadric->radius || quadric->z_max < quadric->radius) return;
     if (std::get<SphereDescription>(description.kind).phi_max < 360) return;
-    const float eta = smooth_glass_index(scene_, info);
+    const float eta = smooth_glass_index(glass_.scene, info);
     const DMat4 placed = render_from_space * quadric->render_from_object;
     const std::optional<double> scale = uniform_scale(placed);
     if (eta == 1 || !scale) return;
@@ -47,11 +45,11 @@ class Finder {
     size_t apart = 0;
     for (const PlacedShape& other : placed_) apart += is_apart(other.bounds, body.sphere);
     // A light sample from a lamp inside takes no part in the roulette of those through the glass.
-    const bool has_lamp = std::any_of(lamps_.begin(), lamps_.end(),
+    const bool has_lamp = std::any_of(glass_.light_positions.begin(), glass_.light_positions.end(),
                                       [&](DVec3 p) { return glm::distance(p, body.sphere.center) < body.sphere.radius * (1 + 1e-6); });
     body.is_empty = apart + 1 == placed_.size() && !has_lamp;
     const int inside = info.is_boundary ? (geometric.flip ? info.outside : info.inside) : kNone;
-    const bool scatters = inside != kNone && media_[inside].scatters();
+    const bool scatters = inside != kNone && glass_.media[inside].scatters();
     if (scatters || !body.is_empty) found_.push_back(body);
   }
 
@@ -64,30 +62,18 @@ class Finder {
   }
 
  private:
-  const SceneDescription& scene_;
-  const Geometry& geometry_;
-  const std::vector<SurfaceInfo>& surfaces_;
-  const Media& media_;
-  std::span<const DVec3> lamps_;
+  const GlassScene& glass_;
   std::vector<PlacedShape> placed_;
   std::vector<DielectricSphere> found_;
 };
 
 }  // namespace
 
-std::vector<DielectricSphere> find_dielectric_spheres(const SceneDescription& scene, const Geometry& geometry,
-                                                      const std::vector<SurfaceInfo>& surfaces, const Media& media,
-                                                      std::span<const DVec3> lamps, int top_level,
-                                                      const std::vector<Geometry::Object>& objects,
-                                                      const std::vector<Geometry::Instance>& instances) {
-  Finder finder(scene, geometry, surfaces, media, lamps);
-  for (int i = 0; i < top_level; ++i) finder.add(scene.shapes[static_cast<size_t>(i)], i, DMat4(1));
-  for (const Geometry::Instance& instance : instances) {
-    const Geometry::Object& object = objects[static_cast<size_t>(instance.object)];
-    const auto& shapes = scene.objects[static_cast<size_t>(instance.object)].shapes;
-    for (int i = 0; i < object.shape_count; ++i)
-      finder.add(shapes[static_cast<size_t>(i)], object.first_shape + i, instance.render_from_object);
-  }
+std::vector<DielectricSphere> find_dielectric_spheres(const GlassScene& glass) {
+  Finder finder(glass);
+  glass.for_each_shape([&](const ShapeDescription& description, int shape, int, const DMat4& render_from_space) {
+    finder.add(description, shape, render_from_space);
+  });
   return finder.take();
 }
 

@@ -1,17 +1,15 @@
 // Spheres of smooth glass with something inside that scatters: light is sampled through their surface (transport/path_kernel_refraction.h).
 #pragma once
 
-#include <span>
 #include <vector>
 
 #include "renderer/geometry/geometry.h"
 #include "renderer/geometry/refraction.h"
-#include "renderer/media/medium.h"
 #include "renderer/scene/description.h"
 
 namespace woodcock {
 
-struct SurfaceInfo;
+struct GlassScene;
 
 /// Where a sphere of smooth glass stands in render space.
 struct DielectricSphere {
@@ -32,12 +30,7 @@ struct DielectricSphere {
 inline constexpr size_t kMaxDielectricSpheres = 32;
 
 /// The full spheres, scaled uniformly, whose material is a dielectric of index other than one without roughness, normal map, opacity below
-/// one or emission, which hold a medium that scatters or other shapes; the smallest first. `shapes`, `surfaces`
-/// and `instances` as in the world; `lamps` are the positions of bounded lights; objects[i].first_shape of the objects that are placed.
-std::vector<DielectricSphere> find_dielectric_spheres(const SceneDescription& scene, const Geometry& geometry,
-                                                      const std::vector<SurfaceInfo>& surfaces, const Media& media,
-                                                      std::span<const DVec3> lamps, int top_level,
-                                                      const std::vector<Geometry::Object>& objects,
-                                                      const std::vector<Geometry::Instance>& instances);
+/// one or emission, which hold a medium that scatters or other shapes; the smallest first.
+std::vector<DielectricSphere> find_dielectric_spheres(const GlassScene& glass);
 
 }  // namespace woodcock

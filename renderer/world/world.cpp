@@ -1,5 +1,7 @@
 #include "renderer/world/world.h"
 
+#include "renderer/world/glass_shapes.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,6 +12,7 @@
 #include "renderer/world/compile_shapes.h"
 #include "renderer/world/contacts.h"
 #include "renderer/world/effect_plan.h"
+#include "renderer/world/glass_shapes.h"
 #include "renderer/world/junction.h"
 #include "renderer/world/scene_notes.h"
 #include "renderer/world/thin_media.h"
@@ -272,13 +275,12 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
       powers.push_back(std::max(bricks->power(), std::numeric_limits<double>::min()));
     }
   world->emissive_choice = DiscreteDistribution(powers);
-  std::vector<DVec3> lamps;
+  std::vector<DVec3> light_positions;
   for (int i = 0; i < world->lights.size(); ++i)
-    if (world->lights.bounded_pmf(i) > 0) lamps.push_back(world->lights.position(i));
-  world->dielectric_spheres =
-      find_dielectric_spheres(scene, world->geometry, world->surfaces, world->media, lamps, top_level, placed_objects, placements);
-  world->dielectric_meshes =
-      DielectricMeshes(scene, world->geometry, world->surfaces, world->media, lamps, top_level, placed_objects, placements);
+    if (world->lights.bounded_pmf(i) > 0) light_positions.push_back(world->lights.position(i));
+  const GlassScene glass{scene, world->geometry, world->surfaces, world->media, light_positions, top_level, placed_objects, placements};
+  world->dielectric_spheres = find_dielectric_spheres(glass);
+  world->dielectric_meshes = DielectricMeshes(glass);
   world->effects = effect_bits(plan_effects(scene, *world));
   for (auto& note : scene_notes(scene, *world)) world->notes.push_back(std::move(note));
   return world;
