@@ -12,6 +12,7 @@
 #include "renderer/core/random.h"
 #include "renderer/geometry/geometry.h"
 #include "renderer/lights/light.h"
+#include "tests/support/temporary_folder.h"
 
 namespace woodcock::test {
 
@@ -39,9 +40,10 @@ inline bool agree(const Estimate& a, const Estimate& b) {
 }
 inline bool agree(const Estimate& a, double exact) { return std::abs(a.mean() - exact) <= 5 * a.error() + 1e-5 * std::abs(exact); }
 
-/// Writes a float PFM picture below the test's folder; the top row first. Returns its path.
+/// Writes a float PFM picture into a folder of this process, since tests run side by side; the top row first. Returns its path.
 inline std::string write_pfm(const std::string& name, int width, int height, const std::vector<Rgb>& pixels) {
-  const std::string path = ::testing::TempDir() + name;
+  static const testing::TemporaryFolder folder;
+  const std::string path = (folder / name).string();
   std::ofstream file(path, std::ios::binary);
   file << "PF\n" << width << " " << height << "\n-1.0\n";
   for (int y = height - 1; y >= 0; --y)  // PFM goes from the bottom up
