@@ -170,6 +170,24 @@ TEST(Layers, NothingElseReachesGrpcByWayOfHeaders) {
   for (const std::string& file : reach) EXPECT_TRUE(may_reach_grpc(file)) << file << " reaches gRPC";
 }
 
+// Tests run side by side: a file that two of them write at the same path is read half written.
+TEST(Layers, EachTestWritesIntoAFolderOfItsOwn) {
+  // Each with one letter in brackets, so that this file does not hold the words.
+  const std::regex shared("Temp[D]ir"), folder("temp_directory_[p]ath"), make("mkd[t]emp");
+  int makers = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(fs::path(WOODCOCK_SOURCE_DIR) / "tests")) {
+    if (entry.path().extension() != ".h" && entry.path().extension() != ".cpp") continue;
+    std::ifstream in(entry.path());
+    const std::string text{std::istreambuf_iterator<char>(in), {}};
+    const std::string file = fs::relative(entry.path(), WOODCOCK_SOURCE_DIR).string();
+    EXPECT_FALSE(std::regex_search(text, shared)) << file << ": expected a TemporaryFolder";
+    const bool makes = std::regex_search(text, make);
+    makers += makes;
+    EXPECT_TRUE(makes || !std::regex_search(text, folder)) << file << ": expected a TemporaryFolder";
+  }
+  EXPECT_GT(makers, 0);
+}
+
 TEST(Layers, IncludesAreRootedAtTheRepository) {
   for_each_include([](const Include& i) { EXPECT_EQ(i.target.find("../"), std::string::npos) << i.file << " includes " << i.target; });
 }

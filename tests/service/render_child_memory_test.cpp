@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <filesystem>
 #include <fstream>
 
+#include "tests/support/temporary_folder.h"
 #include "worker/frame_task_renderer.h"
 
 namespace woodcock {
@@ -19,7 +19,7 @@ double resident_mib() {
 }
 
 TEST(RenderChild, MemoryDoesNotGrowOver200Tasks) {
-  const std::filesystem::path output = std::filesystem::path(::testing::TempDir()) / ("memory_" + std::to_string(::getpid()) + ".exr");
+  const testing::TemporaryFolder folder;
   FrameTaskRenderer renderer;
   RenderCommand command;
   command.scene_path = std::string(WOODCOCK_SOURCE_DIR) + "/scenes/cornell.pbrt";
@@ -27,7 +27,7 @@ TEST(RenderChild, MemoryDoesNotGrowOver200Tasks) {
   command.x1 = command.y1 = 32;
   command.sample_end = 1;
   command.threads = 2;
-  command.output_path = output;
+  command.output_path = folder / "tile.exr";
   double early = 0;
   for (int task = 0; task < 200; ++task) {
     command.sample_begin = task, command.sample_end = task + 1;
@@ -38,11 +38,10 @@ TEST(RenderChild, MemoryDoesNotGrowOver200Tasks) {
     if (task == 40) early = resident_mib();
   }
   EXPECT_LT(resident_mib() - early, 4) << "MiB in 160 tasks";
-  std::filesystem::remove(output);
 }
 
 TEST(RenderChild, KeepsTheLastTwoWorlds) {
-  const std::filesystem::path output = std::filesystem::path(::testing::TempDir()) / ("worlds_" + std::to_string(::getpid()) + ".exr");
+  const testing::TemporaryFolder folder;
   FrameTaskRenderer renderer;
   const auto reused = [&](const char* scene, int seed) {
     RenderCommand command;
@@ -51,7 +50,7 @@ TEST(RenderChild, KeepsTheLastTwoWorlds) {
     command.settings.seed = seed;
     command.x1 = command.y1 = 8;
     command.sample_end = 1;
-    command.output_path = output;
+    command.output_path = folder / "tile.exr";
     renderer.begin();
     return renderer.render(command)->world_reused;
   };
@@ -61,7 +60,6 @@ TEST(RenderChild, KeepsTheLastTwoWorlds) {
   EXPECT_FALSE(reused("cornell.pbrt", 2)) << "other settings are another world";
   EXPECT_TRUE(reused("cornell.pbrt", 1));
   EXPECT_FALSE(reused("sphere.pbrt", 1)) << "used least recently";
-  std::filesystem::remove(output);
 }
 
 }  // namespace

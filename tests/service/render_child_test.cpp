@@ -13,6 +13,7 @@
 #include <fstream>
 #include <thread>
 
+#include "tests/support/temporary_folder.h"
 #include "worker/child_process.h"
 #include "worker/render_child.h"
 
@@ -62,12 +63,10 @@ class ScriptedRenderer : public TaskRenderer {
 
 class RenderChildTest : public ::testing::Test {
  protected:
-  RenderChildTest() : folder_(::testing::TempDir() + "render_child_" + std::to_string(::getpid())) {
-    std::filesystem::create_directories(folder_);
+  RenderChildTest() {
     limits_.rendering = limits_.loading = limits_.building = milliseconds(1500);
     limits_.cancelling = milliseconds(400);
   }
-  ~RenderChildTest() override { std::filesystem::remove_all(folder_); }
 
   std::unique_ptr<ChildProcess> start(const std::string& hook = "") {
     std::vector<std::string> arguments{"--render-child"};
@@ -82,13 +81,13 @@ class RenderChildTest : public ::testing::Test {
     RenderCommand command;
     command.attempt = ++attempt_;
     command.scene_path = scene;
-    command.output_path = folder_ + "/tile.exr";
-    AttemptLog log(folder_ + "/log", 10000);
+    command.output_path = folder_ / "tile.exr";
+    AttemptLog log(folder_ / "log", 10000);
     return child.run(command, limits_, log, should_stop, [this](const ChildProgress& p) { ++moves_, last_ = p; });
   }
   static FailureCause cause(const AttemptOutcome& outcome) { return std::get<AttemptFailure>(outcome).cause; }
 
-  std::string folder_;
+  testing::TemporaryFolder folder_;
   AttemptLimits limits_;
   uint64_t attempt_ = 0;
   int moves_ = 0;
@@ -172,7 +171,7 @@ TEST_F(RenderChildTest, ErrorInTheSceneIsPassedOnWordForWord) {
 TEST_F(RenderChildTest, OutputIsKeptAndBounded) {
   auto child = start();
   ASSERT_TRUE(std::holds_alternative<RenderedTile>(run(*child, "loud")));
-  std::ifstream file(folder_ + "/log");
+  std::ifstream file(folder_ / "log");
   const std::string log((std::istreambuf_iterator<char>(file)), {});
   EXPECT_LT(log.size(), 20000u);
   EXPECT_THAT(log, ::testing::HasSubstr("bytes left out"));

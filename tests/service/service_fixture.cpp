@@ -5,7 +5,6 @@
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
-#include <algorithm>
 
 #include <cerrno>
 #include <cstdlib>
@@ -95,15 +94,6 @@ std::optional<int> Program::wait(milliseconds timeout) {
 std::string Program::out() const { return contents(log_.string() + ".out"); }
 std::string Program::err() const { return contents(log_.string() + ".err"); }
 
-ServiceTest::ServiceTest() {
-  // The name of a test with a parameter has a slash in it; the process makes it unique among tests that run at once.
-  std::string name = "service_" + std::to_string(::getpid()) + "_" + ::testing::UnitTest::GetInstance()->current_test_info()->name();
-  std::replace(name.begin(), name.end(), '/', '_');
-  folder_ = fs::path(::testing::TempDir()) / name;
-  fs::remove_all(folder_);
-  fs::create_directories(folder_);
-}
-
 ServiceTest::~ServiceTest() {
   if (HasFailure()) {
     for (size_t i = 0; i < workers_.size(); ++i) std::fprintf(stderr, "--- worker %zu\n%s", i, workers_[i]->err().c_str());
@@ -111,7 +101,6 @@ ServiceTest::~ServiceTest() {
   }
   workers_.clear();
   coordinator_.reset();
-  fs::remove_all(folder_);
 }
 
 void ServiceTest::start_coordinator(int lease_seconds, int port, const std::vector<std::string>& more) {

@@ -16,6 +16,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/temporary_folder.h"
+
 namespace woodcock::testing_service {
 
 /// A running program of WOODCOCK_BIN_DIR. It is killed with this object, and with the test.
@@ -57,7 +59,6 @@ class ServiceTest : public ::testing::Test {
  protected:
   static constexpr std::chrono::seconds kPatience{150};  ///< the machine may be busy; nothing here should take ten seconds
 
-  ServiceTest();
   ~ServiceTest() override;
 
   /// Leases are short, so that faults are noticed within seconds. Port 0 takes a free one.
@@ -87,7 +88,8 @@ class ServiceTest : public ::testing::Test {
   /// What `woodcock render` makes of the same arguments.
   std::string rendered(const std::vector<std::string>& arguments);
 
-  std::filesystem::path folder_;
+  testing::TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
   std::string address_;
   std::unique_ptr<Program> coordinator_;
   std::vector<std::unique_ptr<Program>> workers_;

@@ -1,13 +1,13 @@
 // The worker's logic without threads, network or clock: lease book, spool, scene store, folder.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 
 #include "rpc/error.h"
 #include "rpc/manifest.h"
+#include "tests/support/temporary_folder.h"
 #include "worker/lease_book.h"
 #include "worker/scene_store.h"
 #include "worker/spool.h"
@@ -22,20 +22,15 @@ using std::chrono::seconds;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
-class TemporaryFolder : public ::testing::Test {
+class WorkerStateTest : public ::testing::Test {
  protected:
-  TemporaryFolder()
-      : folder_(fs::path(::testing::TempDir()) /
-                ("worker_state_" + std::to_string(::getpid()) + "_" + ::testing::UnitTest::GetInstance()->current_test_info()->name())) {
-    fs::create_directories(folder_);
-  }
-  ~TemporaryFolder() override { fs::remove_all(folder_); }
   static void write(const fs::path& path, const std::string& text) { std::ofstream(path) << text; }
   static std::string read(const fs::path& path) {
     std::ifstream file(path);
     return {std::istreambuf_iterator<char>(file), {}};
   }
-  const fs::path folder_;
+  const testing::TemporaryFolder temporary_;
+  const fs::path folder_ = temporary_.path();
 };
 
 std::string key(char digit) { return std::string(64, digit); }
@@ -51,7 +46,7 @@ v1::LeaseGrant grant(const std::string& id, char task_key, int64_t duration_ms =
   return grant;
 }
 
-class LeaseBookTest : public TemporaryFolder {
+class LeaseBookTest : public WorkerStateTest {
  protected:
   /// One exchange at `now` whose answer is `response`; returns the request.
   v1::SyncRequest sync(const v1::SyncResponse& response = {}) {
@@ -319,7 +314,7 @@ TEST_F(LeaseBookTest, MalformedGrantIsAFailureNotACrash) {
 
 // --- scenes ------------------------------------------------------------------------------------------------------
 
-class SceneStoreTest : public TemporaryFolder {
+class SceneStoreTest : public WorkerStateTest {
  protected:
   /// Makes a scene of these files known to the source; returns its manifest's digest.
   std::string add_scene(const std::vector<std::pair<std::string, std::string>>& files) {
@@ -394,7 +389,7 @@ TEST_F(SceneStoreTest, DiscardedSceneIsFetchedAgain) {
 
 // --- folder ------------------------------------------------------------------------------------------------------
 
-class WorkerFolderTest : public TemporaryFolder {};
+class WorkerFolderTest : public WorkerStateTest {};
 
 TEST_F(WorkerFolderTest, IdStaysAndIncarnationGrows) {
   std::string id;

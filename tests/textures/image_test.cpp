@@ -4,13 +4,12 @@
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
 
-#include <unistd.h>
-
 #include <filesystem>
 #include <fstream>
 
 #include "renderer/scene/scene_error.h"
 #include "renderer/textures/texture.h"
+#include "tests/support/temporary_folder.h"
 
 namespace woodcock {
 namespace {
@@ -18,15 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 const SourceLocation kWhere{"scene.pbrt", 4, 9};
 
-/// A folder of its own that goes away with the test.
 class ImageFiles : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::path(::testing::TempDir()) / (std::string("woodcock_images_") + std::to_string(::getpid()));
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   /// Writes `values` (`channels` a pixel) in the file type of the name's extension, coded as `type`.
   std::string write(const std::string& name, int width, int height, int channels, OIIO::TypeDesc type, const std::vector<float>& values) {
     const std::string path = (folder_ / name).string();
@@ -37,7 +29,7 @@ class ImageFiles : public ::testing::Test {
     return path;
   }
 
-  fs::path folder_;
+  testing::TemporaryFolder folder_;
 };
 
 TEST_F(ImageFiles, EightBitFilesAreSrgbUnlessSaidOtherwise) {
@@ -178,7 +170,7 @@ TEST_F(ImageFiles, DamagedOrStrangeFilesAreRefusedWithTheirPlace) {
   fs::resize_file(truncated, fs::file_size(whole) / 2);
   const std::string huge = write("huge.exr", 20000, 1, 1, OIIO::TypeDesc::HALF, std::vector<float>(20000, 0));
   for (const std::string& path :
-       {nan, text, truncated, huge, (folder_ / "missing.png").string(), folder_.string(), std::string("/dev/zero")}) {
+       {nan, text, truncated, huge, (folder_ / "missing.png").string(), folder_.path().string(), std::string("/dev/zero")}) {
     try {
       load_image(path, "", kWhere);
       ADD_FAILURE() << path << " was accepted";
