@@ -17,7 +17,11 @@ std::set<int> placed_objects(const SceneDescription& scene) {
   return placed;
 }
 
+bool emits(const ShapeDescription& s) { return s.area_light && s.area_light->scale > 0 && !is_black(s.area_light->radiance); }
+
 }  // namespace
+
+bool has_area_light(const SceneDescription& scene) { return std::any_of(scene.shapes.begin(), scene.shapes.end(), emits); }
 
 std::set<int> reachable_media(const SceneDescription& scene, const World& world) {
   std::set<int> reachable;
@@ -64,7 +68,7 @@ class Planner {
     equiangular();
     emission_sampling();
     refracted_light();
-    surface(0, "area lights", "emits", [](const ShapeDescription& s) { return emits(s); });
+    surface(0, "area lights", "emits", emits);
     light<InfiniteLightDescription>("environment lights", "an infinite light");
     light<DistantLightDescription>("distant lights", "a distant light");
     light<PointLightDescription>("point lights", "a point light");
@@ -141,17 +145,13 @@ class Planner {
 
   void refracted_light() {
     const std::string name = "light through smooth glass";
-    const bool shines = std::any_of(scene_.shapes.begin(), scene_.shapes.end(), [](const ShapeDescription& s) { return emits(s); });
+    if (!has_area_light(scene_)) return add(kRefractedLight, name, false, "no area light shines");
     const size_t spheres = world_.dielectric_spheres.size(), meshes = world_.dielectric_meshes.bodies().size();
     if (spheres + meshes == 0 || scene_.settings.max_depth < 2)
       return add(kRefractedLight, name, false, "no sphere or closed mesh of smooth glass holds anything that scatters");
-    add(kRefractedLight, name, shines,
-        shines ? std::to_string(spheres) + " spheres and " + std::to_string(meshes) +
-                     " closed meshes of smooth glass hold something that scatters"
-               : "no area light shines");
+    add(kRefractedLight, name, true,
+        std::to_string(spheres) + " spheres and " + std::to_string(meshes) + " closed meshes of smooth glass hold something that scatters");
   }
-
-  static bool emits(const ShapeDescription& s) { return s.area_light && s.area_light->scale > 0 && !is_black(s.area_light->radiance); }
 
   void medium(uint32_t bits, const std::string& effect, const std::string& does, const std::function<bool(const Medium&)>& test) {
     for (const int m : media_) {

@@ -22,6 +22,9 @@ struct EffectEntry {
 /// The media that some ray can be in: those that a placed boundary or the camera leads into.
 std::set<int> reachable_media(const SceneDescription& scene, const World& world);
 
+/// Whether some shape emits. An area light whose radiance is black is none.
+bool has_area_light(const SceneDescription& scene);
+
 /// The effects in a fixed order. A medium counts only where a boundary that is placed in the scene, or the camera,
 /// leads into it, a shape of an object only where the object is placed, and only what things really do: an emission
 /// of zero or a scattering of zero is none.

@@ -278,9 +278,12 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
   std::vector<DVec3> light_positions;
   for (int i = 0; i < world->lights.size(); ++i)
     if (world->lights.bounded_pmf(i) > 0) light_positions.push_back(world->lights.position(i));
-  const GlassScene glass{scene, world->geometry, world->surfaces, world->media, light_positions, top_level, placed_objects, placements};
-  world->dielectric_spheres = find_dielectric_spheres(glass);
-  world->dielectric_meshes = DielectricMeshes(glass);
+  // Light is sampled through smooth glass from area lights only.
+  if (has_area_light(scene)) {
+    const GlassScene glass{scene, world->geometry, world->surfaces, world->media, light_positions, top_level, placed_objects, placements};
+    world->dielectric_spheres = find_dielectric_spheres(glass);
+    world->dielectric_meshes = DielectricMeshes(glass);
+  }
   world->effects = effect_bits(plan_effects(scene, *world));
   for (auto& note : scene_notes(scene, *world)) world->notes.push_back(std::move(note));
   return world;

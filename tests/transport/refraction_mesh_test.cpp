@@ -121,5 +121,18 @@ TEST(RefractionThroughMeshes, N69_open_or_empty_or_rough_glass_is_left_to_chance
   EXPECT_EQ(effects(glass_body(open, kMilk, 1.5, kMilkInside)), 0u);
 }
 
+TEST(RefractionThroughMeshes, GlassIsNotSearchedWhereNoAreaLightShines) {
+  for (std::string text : {glass_body(kBox, kMilk, 1.5, kMilkInside), glass_ball(kMilk, 1.5, kMilkInside)}) {
+    const auto lit = glass_world(text);
+    EXPECT_EQ(lit->dielectric_meshes.bodies().size() + lit->dielectric_spheres.size(), 1u);
+    const std::string radiance = "[ 20 15 10 ]";
+    text.replace(text.find(radiance), radiance.size(), "[ 0 0 0 ]");
+    const auto dark = glass_world(text);
+    EXPECT_TRUE(dark->dielectric_meshes.empty());
+    EXPECT_TRUE(dark->dielectric_spheres.empty());
+    EXPECT_EQ(dark->effects & kRefractedLight, 0u);
+  }
+}
+
 }  // namespace
 }  // namespace woodcock::testing
