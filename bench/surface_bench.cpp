@@ -7,8 +7,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
+#include <ctime>
 #include <stdexcept>
 
 #include "renderer/scene/read_scene.h"
@@ -94,7 +94,7 @@ class BareScene {
 
  private:
   template <typename Index>
-  void attach(RTCGeometryType type, RTCFormat format, const std::vector<Vec3>& positions, const std::vector<Index>& indices) {
+  void attach(RTCGeometryType type, RTCFormat format, const std::vector<DVec3>& positions, const std::vector<Index>& indices) {
     RTCGeometry g = rtcNewGeometry(device_, type);
     auto* p = static_cast<Vec3*>(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3), positions.size()));
     auto* i = static_cast<Index*>(rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, format, sizeof(Index), indices.size()));
@@ -134,10 +134,11 @@ SceneDescription plain() {
       "plain.pbrt", ".", {});
 }
 
+/// Of the processor, which other programs may use as well.
 double seconds(const auto& work) {
-  const auto start = std::chrono::steady_clock::now();
+  const std::clock_t start = std::clock();
   work();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
 }
 
 void measure(const char* name, const SceneDescription& description, int samples) {
