@@ -15,7 +15,7 @@ inline constexpr uint32_t kMissesWays = 1u << 30;
 template <uint32_t kMask>
 bool is_sampled(const SurfaceInfo& surface, const Sphere& sphere, const RefractedWay& way) {
   const Vec3 p(way.v);
-  for (const Box3& box : surface.contacts)
+  for (const Box3& box : surface.overlaps)
     if (glm::all(glm::lessThanEqual(box.lower, p)) && glm::all(glm::lessThanEqual(p, box.upper))) return false;
   if constexpr ((kMask & kMissesWays) == 0) return true;
   uint64_t hash = 0;
