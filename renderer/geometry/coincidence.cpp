@@ -49,7 +49,7 @@ ErrorBound Geometry::Impl::error_bound(const Hit& hit, DVec3 o, DVec3 d) const {
   const DVec3 placed = glm::normalize(transform_normal(object_from_render[hit.instance], n));
   const double cosine = std::abs(glm::dot(placed, direction)) / glm::length(direction);
   const DVec3 p = transform_point(instances[hit.instance].render_from_object, o + hit.t * d);
-  // Nor does a ray start nearer to the place that it left at an edge (Junction::origin).
+  // Nor does a ray start nearer to the place that it left at an edge (CoincidentHits::origin).
   const double moved = kCoincidence * 0x1p-23 * glm::length(p) * glm::length(d) / glm::length(direction);
   return {along * cosine * glm::length(direction) + glm::dot(glm::abs(placed), glm::abs(p)) * 0x1p-23, cosine,
           edge * slant <= lateral + moved};

@@ -19,7 +19,7 @@ namespace woodcock {
 RTCDevice embree_device();
 
 /// Distances of two surfaces from each other, in units of their error bounds, up to which they count as coincident: as far as
-/// the origin of a ray may lie from the surface that it leaves (Junction::origin), and no more, since what a medium does between
+/// the origin of a ray may lie from the surface that it leaves (CoincidentHits::origin), and no more, since what a medium does between
 /// coincident surfaces is lost.
 inline constexpr double kCoincidence = 4;
 /// Embree misjudges by how much a ray misses an edge by less than this part of the distance: some units in the last place.

@@ -7,8 +7,8 @@
 #include "renderer/transport/path_sample.h"
 #include "renderer/transport/roulette.h"
 #include "renderer/transport/vertex.h"
+#include "renderer/world/coincident_hits.h"
 #include "renderer/world/effects.h"
-#include "renderer/world/junction.h"
 
 namespace woodcock {
 
@@ -142,7 +142,7 @@ class PathMachine {
     const int behind = medium_towards(v.info, v.s.ng, w);
     if (!uses(kTouching) || v.next == kNone || !transmission) return behind;
     // The body that begins here may keep the medium behind the one that ends.
-    const Junction::Member& entry = (*coincident_)[v.next];
+    const CoincidentHits::Element& entry = (*coincident_)[v.next];
     return uses(kMedia) ? world_.medium_after(world_.surfaces[static_cast<size_t>(entry.hit.shape)], entry.s.ng, w, behind) : kNone;
   }
 
@@ -178,7 +178,7 @@ class PathMachine {
   float aov_weight_ = 1;    ///< the share of the sample whose first event is still to come
   double travelled_ = 0;    ///< render units from the camera, as long as `aov_weight_` is positive
   /// The surfaces where the path stands, if others may coincide with the one it met.
-  std::optional<Junction> coincident_;
+  std::optional<CoincidentHits> coincident_;
 
  private:
   using Tangents = Geometry::Tangents;

@@ -31,11 +31,11 @@ bool pass_surface(const World& world, const Hit& hit, const SurfacePoint& s, DVe
 /// Passes all that is left to cross of a place, up to the surface that `is_end` names. False where something is in the way
 /// or the end is reached.
 template <typename IsEnd>
-bool pass_junction(const World& world, Junction& here, DVec3 w, int& medium, Stream& random, IsEnd&& is_end) {
-  for (int member = here.next(w, medium); member != kNone; member = here.next(w, medium)) {
-    const Junction::Member& m = here[member];
+bool pass_coincident_hits(const World& world, CoincidentHits& coincident, DVec3 w, int& medium, Stream& random, IsEnd&& is_end) {
+  for (int index = coincident.next(w, medium); index != kNone; index = coincident.next(w, medium)) {
+    const CoincidentHits::Element& m = coincident[index];
     if (is_end(m.hit) || !pass_surface(world, m.hit, m.s, w, medium, random)) return false;
-    here.leave(member, w);
+    coincident.leave(index, w);
   }
   return true;
 }
@@ -89,19 +89,19 @@ Rgb estimate_transmittance(const Medium& medium, const Ray& ray, double t_max, S
 }
 
 Shadow trace_shadow(const World& world, Ray ray, double t_max, int medium, TargetPrimitive target, Stream& random,
-                    const TransmittanceOptions& options, bool passable_surfaces, PathCounters& count, const Junction* from) {
+                    const TransmittanceOptions& options, bool passable_surfaces, PathCounters& count, const CoincidentHits* from) {
   ++count.shadow_rays;
   const auto through_medium = [&](Rgb estimate, double length) {
     if (medium == kNone) return estimate;
     return estimate * estimate_transmittance(world.media[medium], ray, length, random, count, options);
   };
   if (from != nullptr) {
-    Junction here = *from;
-    if (!pass_junction(world, here, ray.d, medium, random, [](const Hit&) { return false; })) return {};
-    medium = here.medium_behind(world, ray, medium);
+    CoincidentHits coincident = *from;
+    if (!pass_coincident_hits(world, coincident, ray.d, medium, random, [](const Hit&) { return false; })) return {};
+    medium = coincident.medium_behind(world, ray, medium);
   }
-  // Any surface is in the way, unless it lets light pass or may coincide with the lamp.
-  if (!passable_surfaces && (target.shape == kNone || !surface_of(world, target.shape).has_company())) {
+  // Any surface is in the way, unless it lets light pass or may coincide with the light.
+  if (!passable_surfaces && (target.shape == kNone || !surface_of(world, target.shape).may_overlap())) {
     if (world.geometry.occluded(ray, t_max, target)) return {};
     return {through_medium(Rgb(1), t_max), medium};
   }
@@ -112,17 +112,18 @@ Shadow trace_shadow(const World& world, Ray ray, double t_max, int medium, Targe
     if (!hit) return {through_medium(estimate, left), medium};
     const auto is_end = [&](const Hit& h) { return world.geometry.is_target(h, ray, target); };
     const SurfaceInfo& info = surface_of(world, hit->shape);
-    if (!info.passes_shadows && !info.has_company() && !is_end(*hit)) return {};
+    if (!info.passes_shadows && !info.may_overlap() && !is_end(*hit)) return {};
     const SurfacePoint s = world.geometry.surface(*hit, ray, Geometry::Tangents::kNotWanted);
     int behind = medium;
     Ray next;
     bool ends = false;
     if (may_coincide(world, ray, *hit, s.p)) {
-      Junction here(world, ray, *hit);
-      if (here.overflowed()) break;
-      if (!pass_junction(world, here, ray.d, behind, random, [&](const Hit& h) { return ends = is_end(h); }) && !ends) return {};
-      next = here.ray_from(s.p, ray.d, ray.time);
-      if (!ends) behind = here.medium_behind(world, next, behind);
+      CoincidentHits coincident(world, ray, *hit);
+      if (coincident.overflowed()) break;
+      if (!pass_coincident_hits(world, coincident, ray.d, behind, random, [&](const Hit& h) { return ends = is_end(h); }) && !ends)
+        return {};
+      next = coincident.ray_from(s.p, ray.d, ray.time);
+      if (!ends) behind = coincident.medium_behind(world, next, behind);
     } else {
       ends = is_end(*hit);
       if (!ends && !pass_surface(world, *hit, s, ray.d, behind, random)) return {};

@@ -3,7 +3,7 @@
 
 #include "renderer/core/random.h"
 #include "renderer/transport/path.h"
-#include "renderer/world/junction.h"
+#include "renderer/world/coincident_hits.h"
 #include "renderer/world/world.h"
 
 namespace woodcock {
@@ -51,6 +51,6 @@ struct Shadow {
 /// of the light included. `from` is the place that the ray starts at, if surfaces coincide
 /// there; ray.o lies beyond all of them.
 Shadow trace_shadow(const World& world, Ray ray, double t_max, int medium, TargetPrimitive target, Stream& random,
-                    const TransmittanceOptions& options, bool passable_surfaces, PathCounters& count, const Junction* from = nullptr);
+                    const TransmittanceOptions& options, bool passable_surfaces, PathCounters& count, const CoincidentHits* from = nullptr);
 
 }  // namespace woodcock

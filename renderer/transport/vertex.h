@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "renderer/core/frame.h"
-#include "renderer/world/junction.h"
+#include "renderer/world/coincident_hits.h"
 #include "renderer/world/world.h"
 
 namespace woodcock {
@@ -31,7 +31,7 @@ inline DVec3 point_before(const World& world, const Ray& ray, double t, const st
   const SurfacePoint s = world.geometry.surface(*hit, ray, Geometry::Tangents::kNotWanted);
   const DVec3 n(s.ng), towards_us = glm::dot(ray.d, n) < 0 ? n : -n;
   // What coincides with it may lie a little before it.
-  if (may_touch && may_coincide(world, ray, *hit, s.p)) return Junction(world, ray, *hit).origin(p, -ray.d);
+  if (may_touch && may_coincide(world, ray, *hit, s.p)) return CoincidentHits(world, ray, *hit).origin(p, -ray.d);
   if (glm::dot(p - s.p, towards_us) > 2 * s.error) return p;
   return offset_origin(s, -ray.d);
 }

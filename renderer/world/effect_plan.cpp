@@ -5,7 +5,7 @@
 #include <functional>
 #include <set>
 
-#include "renderer/world/glow.h"
+#include "renderer/world/emission_share.h"
 
 namespace woodcock {
 namespace {
@@ -130,17 +130,17 @@ class Planner {
                    : "the media are too dense around the lights");
   }
 
-  /// Worth a shadow ray at every vertex only where the glow lights what is seen: in a fire on a dark ground (92 %) it was measured to
+  /// Worth a shadow ray at every vertex only where the emission lights what is seen: in a fire on a dark ground (92 %) it was measured to
   /// gain a quarter at equal time, beside brighter lights (6 %) to lose a third.
   void emission_sampling() {
     constexpr double kLeastShare = 0.2;
     const std::string name = "emissive bricks as lights";
     if (world_.emissive_media.empty()) return add(kEmissionSampling, name, false, "no medium that a ray can reach is a grid that emits");
-    const auto& glowing = scene_.media[static_cast<size_t>(world_.emissive_media.front())];
-    const double share = share_of_glow(world_, scene_.film);
-    const std::string part = "the glow of \"" + glowing.name + "\" gives " + std::to_string(std::lround(100 * share)) +
+    const auto& emitting = scene_.media[static_cast<size_t>(world_.emissive_media.front())];
+    const double share = emission_share(world_, scene_.film);
+    const std::string part = "the emission of \"" + emitting.name + "\" gives " + std::to_string(std::lround(100 * share)) +
                              " % of the light that arrives at what the camera sees";
-    add(kEmissionSampling, name, share >= kLeastShare, part, glowing.where);
+    add(kEmissionSampling, name, share >= kLeastShare, part, emitting.where);
   }
 
   void refracted_light() {

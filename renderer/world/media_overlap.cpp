@@ -6,7 +6,7 @@
 #include <set>
 #include <tuple>
 
-#include "renderer/world/junction.h"
+#include "renderer/world/coincident_hits.h"
 #include "renderer/world/scene_notes.h"
 
 namespace woodcock {
@@ -112,7 +112,7 @@ Crossings crossings_along(const World& world, Ray ray) {
       ray = ray_from(s, ray.d, ray.time);
       continue;
     }
-    Junction junction(world, ray, *hit);
+    CoincidentHits junction(world, ray, *hit);
     int medium = crossings.empty() ? junction.medium_before().value_or(kNone) : crossings.back().far;
     for (int member = junction.next(ray.d, medium); member != kNone; member = junction.next(ray.d, medium)) {
       if (!cross(junction[member].hit, junction[member].outside)) return result;

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "renderer/world/junction.h"
+#include "renderer/world/coincident_hits.h"
 
 namespace woodcock {
 namespace {
@@ -30,7 +30,7 @@ std::vector<std::string> thin_media(const World& world, const FilmDescription& f
   }
   std::vector<double> lost(medium_names.size(), 0);
   const bool may_lose =
-      std::any_of(world.surfaces.begin(), world.surfaces.end(), [](const SurfaceInfo& s) { return s.is_boundary && s.has_company(); });
+      std::any_of(world.surfaces.begin(), world.surfaces.end(), [](const SurfaceInfo& s) { return s.is_boundary && s.may_overlap(); });
   if (!may_lose) return notes;
   for (int y = 0; y < kRays; ++y)
     for (int x = 0; x < kRays; ++x) {
@@ -44,7 +44,7 @@ std::vector<std::string> thin_media(const World& world, const FilmDescription& f
           ray = ray_from(s, ray.d, ray.time);
           continue;
         }
-        const Junction junction(world, ray, *hit);
+        const CoincidentHits junction(world, ray, *hit);
         junction.for_each_gap([&](int medium, double length) {
           double& most = lost[static_cast<size_t>(medium)];
           most = std::max(most, length * static_cast<double>(world.media[medium].maximum_sigma_t()));

@@ -10,10 +10,10 @@
 #include "renderer/core/transform.h"
 #include "renderer/scene/scene_error.h"
 #include "renderer/world/compile_shapes.h"
-#include "renderer/world/contacts.h"
 #include "renderer/world/effect_plan.h"
 #include "renderer/world/glass_shapes.h"
-#include "renderer/world/junction.h"
+#include "renderer/world/medium_boundaries.h"
+#include "renderer/world/overlaps.h"
 #include "renderer/world/scene_notes.h"
 #include "renderer/world/thin_media.h"
 
@@ -90,44 +90,6 @@ bool has_media(const SceneDescription& scene, const Media& media) {
          std::any_of(scene.shapes.begin(), scene.shapes.end(), bounds_medium) ||
          std::any_of(scene.objects.begin(), scene.objects.end(),
                      [&](const ObjectDescription& o) { return std::any_of(o.shapes.begin(), o.shapes.end(), bounds_medium); });
-}
-
-/// Directions without symmetry, so that rays along edges of aligned boxes are unlikely.
-constexpr std::array<Vec3, 5> kDirections{{{0.267f, 0.802f, 0.535f},
-                                           {-0.781f, 0.312f, 0.541f},
-                                           {0.371f, -0.557f, -0.743f},
-                                           {-0.424f, -0.566f, 0.707f},
-                                           {0.653f, 0.230f, -0.722f}}};
-
-/// What most directions say; those that meet no boundary say nothing.
-std::optional<int> majority(const std::array<std::optional<int>, kDirections.size()>& votes) {
-  std::optional<int> best;
-  ptrdiff_t most = 0;
-  for (const auto& v : votes) {
-    const ptrdiff_t count = std::count(votes.begin(), votes.end(), v);
-    if (v && count > most) {
-      best = v;
-      most = count;
-    }
-  }
-  return best;
-}
-
-/// The medium around the scene: what rays from far away meet first. Nothing where they do not agree, as with a sheet that has
-/// another medium on either side.
-std::optional<int> find_medium_around(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces) {
-  const Box3 box = geometry.bounds();
-  if (box.empty()) return std::nullopt;
-  std::optional<int> around;
-  for (const float sign : {1.0f, -1.0f})
-    for (const Vec3 direction : kDirections) {
-      const DVec3 d(sign * glm::normalize(direction));
-      const auto seen =
-          first_near_side(geometry, surfaces, {DVec3(box.center()) - d * static_cast<double>(glm::length(box.extent())), d}, true);
-      if (around && seen && *around != *seen) return std::nullopt;
-      if (seen) around = seen;
-    }
-  return around;
 }
 
 }  // namespace
@@ -242,7 +204,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
 
   std::vector<std::string> medium_names;
   for (const auto& m : scene.media) medium_names.push_back(m.name);
-  find_contacts(world->geometry, medium_names, world->surfaces);
+  find_overlaps(world->geometry, medium_names, world->surfaces);
 
   world->medium_around = find_medium_around(world->geometry, world->surfaces);
   const std::optional<int> found = find_medium(world->geometry, world->surfaces, world->camera.position());
@@ -271,7 +233,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
   for (const int medium : reachable_media(scene, *world))
     if (const EmissionBricks* bricks = world->media[medium].emission_bricks()) {
       world->emissive_media.push_back(medium);
-      // One whose glow the estimate missed altogether may stand alone.
+      // One whose emission the estimate missed altogether may stand alone.
       powers.push_back(std::max(bricks->power(), std::numeric_limits<double>::min()));
     }
   world->emissive_choice = DiscreteDistribution(powers);
@@ -287,13 +249,6 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
   world->effects = effect_bits(plan_effects(scene, *world));
   for (auto& note : scene_notes(scene, *world)) world->notes.push_back(std::move(note));
   return world;
-}
-
-std::optional<int> find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, DVec3 point) {
-  std::array<std::optional<int>, kDirections.size()> votes;
-  for (size_t i = 0; i < kDirections.size(); ++i)
-    votes[i] = first_near_side(geometry, surfaces, {point, glm::normalize(DVec3(kDirections[i]))});
-  return majority(votes);
 }
 
 }  // namespace woodcock

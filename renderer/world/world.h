@@ -36,12 +36,12 @@ struct SurfaceInfo {
   bool is_interface = false;    ///< no surface at all, only a boundary
   bool is_opaque = true;        ///< the material lets nothing through
   bool passes_shadows = false;  ///< an interface, a mix, or alpha below one: shadow rays may go on
-  std::vector<Box3> contacts;   ///< boxes in render space outside of which nothing coincides with this surface
-  bool edges_touch = false;     ///< a mesh with company at its own edges, and nowhere else of its own
-  int stacking = 0;             ///< the order of surfaces that nothing else puts in order (junction.h): lights, opaque ones, others
+  std::vector<Box3> overlaps;   ///< boxes in render space outside of which nothing coincides with this surface
+  bool edges_touch = false;     ///< a mesh whose triangles coincide at its own edges, and nowhere else
+  int stacking = 0;             ///< the order of surfaces that nothing else puts in order (coincident_hits.h): lights, opaque ones, others
 
   /// Something may coincide with it somewhere.
-  bool has_company() const { return edges_touch || !contacts.empty(); }
+  bool may_overlap() const { return edges_touch || !overlaps.empty(); }
   /// No ray ever meets it.
   bool is_absent() const { return alpha.texture == kNone && alpha.value <= 0; }
 };
@@ -109,9 +109,5 @@ struct World {
 
 /// Compiles a description. Throws SceneError for what cannot be built.
 std::unique_ptr<const World> build_world(const SceneDescription& scene);
-
-/// The medium at a point (kNone is vacuum): that of the near side of the first boundary met, by the majority of
-/// those of several directions that meet one; nothing where none does.
-std::optional<int> find_medium(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, DVec3 point);
 
 }  // namespace woodcock

@@ -1,4 +1,4 @@
-#include "renderer/world/contacts.h"
+#include "renderer/world/overlaps.h"
 
 #include <algorithm>
 #include <array>
@@ -15,17 +15,17 @@ constexpr size_t kMaxShapes = 4000;
 
 bool is_passable(const SurfaceInfo& s) { return s.is_interface || s.has_alpha || !s.is_opaque; }
 
-void add_contact(SurfaceInfo& surface, const Box3& box) {
-  if (surface.contacts.size() < kMaxBoxes) {
-    surface.contacts.push_back(box);
+void add_overlap(SurfaceInfo& surface, const Box3& box) {
+  if (surface.overlaps.size() < kMaxBoxes) {
+    surface.overlaps.push_back(box);
     return;
   }
   Box3 all = box;
-  for (const Box3& b : surface.contacts) {
+  for (const Box3& b : surface.overlaps) {
     all.add(b.lower);
     all.add(b.upper);
   }
-  surface.contacts = {all};
+  surface.overlaps = {all};
 }
 
 using Triangle = std::array<DVec3, 3>;
@@ -99,7 +99,7 @@ void find_stacking(const Geometry& geometry, const std::vector<std::string>& med
 
 }  // namespace
 
-void find_contacts(const Geometry& geometry, const std::vector<std::string>& medium_names, std::vector<SurfaceInfo>& surfaces) {
+void find_overlaps(const Geometry& geometry, const std::vector<std::string>& medium_names, std::vector<SurfaceInfo>& surfaces) {
   const bool any_passable = std::any_of(surfaces.begin(), surfaces.end(), is_passable);
   if (!any_passable) return;
   find_stacking(geometry, medium_names, surfaces);
@@ -113,7 +113,7 @@ void find_contacts(const Geometry& geometry, const std::vector<std::string>& med
     p.bounds.upper += margin;
   }
   if (placed.size() > kMaxShapes) {
-    for (SurfaceInfo& s : surfaces) s.contacts = {{scene.lower - margin, scene.upper + margin}};
+    for (SurfaceInfo& s : surfaces) s.overlaps = {{scene.lower - margin, scene.upper + margin}};
     return;
   }
   std::sort(placed.begin(), placed.end(), [](const PlacedShape& a, const PlacedShape& b) {
@@ -126,7 +126,7 @@ void find_contacts(const Geometry& geometry, const std::vector<std::string>& med
     if (is_passable(sa) && !is_quadric) {
       const auto* mesh = std::get_if<Mesh>(&geometry.shapes()[static_cast<size_t>(a.shape)].geometry);
       sa.edges_touch = sa.edges_touch || (mesh != nullptr && is_part_of_a_hull(*mesh));
-      if (!sa.edges_touch) add_contact(sa, a.bounds);
+      if (!sa.edges_touch) add_overlap(sa, a.bounds);
     }
     for (size_t j = i + 1; j < placed.size() && placed[j].bounds.lower.x <= a.bounds.upper.x; ++j) {
       const PlacedShape& b = placed[j];
@@ -134,8 +134,8 @@ void find_contacts(const Geometry& geometry, const std::vector<std::string>& med
       if (!is_passable(sa) && !is_passable(sb)) continue;
       const Box3 common{glm::max(a.bounds.lower, b.bounds.lower), glm::min(a.bounds.upper, b.bounds.upper)};
       if (common.empty()) continue;
-      add_contact(sa, common);
-      add_contact(sb, common);
+      add_overlap(sa, common);
+      add_overlap(sb, common);
     }
   }
 }

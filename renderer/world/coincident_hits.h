@@ -1,4 +1,4 @@
-// Where surfaces coincide: what a path meets first, and on which side of each it goes on.
+// Coincident hits: surfaces that a ray meets at one place, which of them a path crosses first, and on which side of each it goes on.
 #pragma once
 
 #include <array>
@@ -11,10 +11,10 @@ namespace woodcock {
 /// The surfaces that a ray meets at one place, closer together than float vertices tell (Geometry::coincident), and on
 /// which side of each the path stands.
 ///
-/// A path that stands here and heads for w crosses every member that w points across: after a transmission what is left
-/// of the members, after a reflection those it had crossed before. The order is that of the ray where members can be told
+/// A path that stands here and heads for w crosses every surface that w points across: after a transmission what is left
+/// of them, after a reflection those it had crossed before. The order is that of the ray where surfaces can be told
 /// apart; else next is
-///   1. a member whose near side is the path's medium, or that is no boundary and keeps it;
+///   1. one whose near side is the path's medium, or that is no boundary and keeps it;
 ///   2. exits (towards the outside of the shape) before entries;
 ///   3. SurfaceInfo::stacking upwards for entries, downwards for exits, so that both ways see the same stack.
 /// Nothing of it depends on the order in which shapes are defined.
@@ -22,9 +22,9 @@ namespace woodcock {
 /// Of several triangles of a shape that are met at an edge from the same side one is crossed. Whether a ray that passes an
 /// edge by a rounding meets both sides of it, one or none is chance; media then are those that what lies ahead says
 /// (`medium_behind`), so that no path takes the inside of a shape with it.
-class Junction {
+class CoincidentHits {
  public:
-  struct Member {
+  struct Element {
     Hit hit;
     SurfacePoint s;
     ErrorBound error;
@@ -35,26 +35,26 @@ class Junction {
   static constexpr size_t kCapacity = 64;
 
   /// The place where `ray` met `hit`, before any of it is crossed.
-  Junction(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, const Ray& ray, const Hit& hit);
-  Junction(const World& world, const Ray& ray, const Hit& hit) : Junction(world.geometry, world.surfaces, ray, hit) {}
+  CoincidentHits(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, const Ray& ray, const Hit& hit);
+  CoincidentHits(const World& world, const Ray& ray, const Hit& hit) : CoincidentHits(world.geometry, world.surfaces, ray, hit) {}
 
-  Junction(const Junction& other) { *this = other; }
-  Junction& operator=(const Junction& other);
+  CoincidentHits(const CoincidentHits& other) { *this = other; }
+  CoincidentHits& operator=(const CoincidentHits& other);
 
-  /// The index of the next member to cross on the way to w in `medium`; kNone when nothing is in the way any more.
+  /// The index of the next surface to cross on the way to w in `medium`; kNone when nothing is in the way any more.
   int next(DVec3 w, int medium) const;
-  const Member& operator[](int member) const { return members_[static_cast<size_t>(member)]; }
+  const Element& operator[](int index) const { return elements_[static_cast<size_t>(index)]; }
 
-  /// After passing or scattering at a member the path heads for w.
-  void leave(int member, DVec3 w) {
-    Member& m = members_[static_cast<size_t>(member)];
+  /// After passing or scattering at a surface of the set the path heads for w.
+  void leave(int index, DVec3 w) {
+    Element& m = elements_[static_cast<size_t>(index)];
     m.outside = glm::dot(w, DVec3(m.s.ng)) > 0;
   }
 
-  /// `from`, a point at this place, moved to where a ray to w starts on the right side of all members.
+  /// `from`, a point at this place, moved to where a ray to w starts on the right side of all of them.
   DVec3 origin(DVec3 from, DVec3 w) const;
   /// The ray that starts there. At an edge Embree's own rounding decides which primitives a ray meets, and what it left out here it may
-  /// meet from the new origin: there the ray skips as much as it takes to be as far from all members as float coordinates tell places
+  /// meet from the new origin: there the ray skips as much as it takes to be as far from all of them as float coordinates tell places
   /// apart. Lengths count from the origin all the same.
   Ray ray_from(DVec3 from, DVec3 w, float time) const;
 
@@ -67,57 +67,53 @@ class Junction {
   /// outer sides only: from far away the two faces of a thin sheet are one place.
   std::optional<int> medium_before(bool from_outside = false) const;
 
-  /// Calls `use(medium, length)` for each way between two members that one medium fills, by the nearer one's far side or the farther
+  /// Calls `use(medium, length)` for each way between two surfaces that one medium fills, by the nearer one's far side or the farther
   /// one's near side; `length` > 0 along the ray, in render units.
   template <typename Use>
   void for_each_gap(Use&& use) const;
 
-  /// Some members found no room.
+  /// Some found no room.
   bool overflowed() const { return overflowed_; }
 
  private:
-  std::span<const Member> members() const& { return {members_.data(), count_}; }
-  void members() const&& = delete;  ///< a span must not outlive its set
-  const SurfaceInfo& info(const Member& m) const { return (*surfaces_)[static_cast<size_t>(m.hit.shape)]; }
-  static bool is_crossed_by(const Member& m, DVec3 w) { return !m.repeats && (glm::dot(w, DVec3(m.s.ng)) > 0) != m.outside; }
-  bool is_surely_before(const Member& a, const Member& b, DVec3 w) const;
-  bool is_preferred(const Member& a, const Member& b, int medium) const;
+  std::span<const Element> elements() const& { return {elements_.data(), count_}; }
+  void elements() const&& = delete;  ///< a span must not outlive its set
+  const SurfaceInfo& info(const Element& m) const { return (*surfaces_)[static_cast<size_t>(m.hit.shape)]; }
+  static bool is_crossed_by(const Element& m, DVec3 w) { return !m.repeats && (glm::dot(w, DVec3(m.s.ng)) > 0) != m.outside; }
+  bool is_surely_before(const Element& a, const Element& b, DVec3 w) const;
+  bool is_preferred(const Element& a, const Element& b, int medium) const;
 
   const std::vector<SurfaceInfo>* surfaces_;
   DVec3 d_;
-  std::array<Member, kCapacity> members_;
+  std::array<Element, kCapacity> elements_;
   size_t count_ = 0;
   bool overflowed_ = false;
 };
 
 template <typename Use>
-void Junction::for_each_gap(Use&& use) const {
-  for (const Member& near : members()) {
-    const Member* far = nullptr;
-    for (const Member& other : members())
+void CoincidentHits::for_each_gap(Use&& use) const {
+  for (const Element& near : elements()) {
+    const Element* far = nullptr;
+    for (const Element& other : elements())
       if (other.hit.t > near.hit.t && (far == nullptr || other.hit.t < far->hit.t)) far = &other;
     if (far == nullptr) continue;
-    const auto beyond = [&](const Member& m) { return m.outside ? info(m).inside : info(m).outside; };
-    const auto before = [&](const Member& m) { return m.outside ? info(m).outside : info(m).inside; };
+    const auto beyond = [&](const Element& m) { return m.outside ? info(m).inside : info(m).outside; };
+    const auto before = [&](const Element& m) { return m.outside ? info(m).outside : info(m).inside; };
     const int medium = info(near).is_boundary ? beyond(near) : info(*far).is_boundary ? before(*far) : kNone;
     if (medium != kNone) use(medium, far->hit.t - near.hit.t);
   }
 }
 
-/// The near side of the first boundary that the ray meets, looking through everything else; nothing where there is none.
-/// `from_outside`: the ray starts outside of all shapes.
-std::optional<int> first_near_side(const Geometry& geometry, const std::vector<SurfaceInfo>& surfaces, Ray ray, bool from_outside = false);
-
 /// Where one dielectric body ends and the next begins there is one boundary, whose index is relative: none at all between
-/// equal bodies. If the member `exit` of the path's place is such an end, on the way along d in `medium`, turns `bsdf`, its
+/// equal bodies. If `exit`, an index of the set where the path stands, is such an end, on the way along d in `medium`, turns `bsdf`, its
 /// model, into that boundary and returns the entry that belongs to it; else kNone. `choice` decides mixes.
-int join_dielectrics(const World& world, const Junction& here, int exit, DVec3 d, int medium, Stream& choice, Bsdf& bsdf);
+int join_dielectrics(const World& world, const CoincidentHits& coincident, int exit, DVec3 d, int medium, Stream& choice, Bsdf& bsdf);
 
-/// Whether what `ray` meets at p may have company: from boxes, and at the edges of a mesh that is convex.
+/// Whether other surfaces may coincide with what `ray` meets at p: by the boxes of overlaps, and at the edges of a mesh that is convex.
 inline bool may_coincide(const Geometry& geometry, const SurfaceInfo& surface, const Ray& ray, const Hit& hit, DVec3 exact) {
   const Vec3 p(exact);
   if (surface.edges_touch && geometry.is_at_edge(ray, hit)) return true;
-  for (const Box3& box : surface.contacts) {
+  for (const Box3& box : surface.overlaps) {
     if (glm::all(glm::lessThanEqual(box.lower, p)) && glm::all(glm::lessThanEqual(p, box.upper))) return true;
   }
   return false;

@@ -1,4 +1,4 @@
-#include "renderer/world/glow.h"
+#include "renderer/world/emission_share.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kRays = 32;  // each way across the picture
 constexpr int kMostCrossings = 8;
-constexpr int kSteps = 8;  // of the way out of the glow
+constexpr int kSteps = 8;  // of the way out of the medium
 
 /// A place that light may arrive at; all directions count alike where there is no normal.
 struct Place {
@@ -46,7 +46,7 @@ double sample_skies(const World& world, const Place& place, Stream& random) {
   return static_cast<double>(average(world.lights.environment(wi))) * place.cosine(wi) / (pdf + other);
 }
 
-/// What one sample would bring: light times cosine over density, with nothing in the way but the glowing medium itself.
+/// What one sample would bring: light times cosine over density, with nothing in the way but the emitting medium itself.
 double sample_lights(const World& world, const Place& place, Stream& random) {
   const auto choice = world.lights.choose(random.uniform_double(), place.p);
   if (!choice) return 0;
@@ -58,7 +58,7 @@ double sample_lights(const World& world, const Place& place, Stream& random) {
   return static_cast<double>(average(light->radiance)) * place.cosine(light->wi) / density;
 }
 
-double sample_glow(const World& world, const Place& place, Stream& random) {
+double sample_emission(const World& world, const Place& place, Stream& random) {
   const int chosen = world.choose_emissive(random.uniform_double());
   const Medium& medium = world.media[chosen];
   const Vec2 u = random.uniform2();
@@ -78,20 +78,20 @@ double sample_glow(const World& world, const Place& place, Stream& random) {
 
 }  // namespace
 
-double share_of_glow(const World& world, const FilmDescription& film) {
+double emission_share(const World& world, const FilmDescription& film) {
   if (world.emissive_media.empty()) return 0;
-  double lights = 0, glow = 0;
+  double lights = 0, emission = 0;
   Stream random(0x676c6f77ULL);
   for (int y = 0; y < kRays; ++y)
     for (int x = 0; x < kRays; ++x) {
       const DVec2 raster((x + 0.5) / kRays * film.x_resolution, (y + 0.5) / kRays * film.y_resolution);
       for_each_place(world, world.camera.ray(raster, Vec2(0.5f), 0), [&](const Place& place) {
         lights += sample_lights(world, place, random) + sample_skies(world, place, random);
-        glow += sample_glow(world, place, random);
+        emission += sample_emission(world, place, random);
       });
     }
-  const double share = glow / (glow + lights);
-  // Where the camera sees nothing that light could arrive at, nothing speaks for the glow's shadow rays.
+  const double share = emission / (emission + lights);
+  // Where the camera sees nothing that light could arrive at, nothing speaks for shadow rays to emission.
   return std::isfinite(share) ? share : 0;
 }
 
