@@ -12,6 +12,7 @@
 
 #include "renderer/core/random.h"
 #include "renderer/core/warp.h"
+#include "renderer/media/majorant_iterator.h"
 #include "renderer/media/medium.h"
 #include "renderer/transport/tentative_collisions.h"
 
@@ -283,7 +284,7 @@ void WalkSegments(benchmark::State& state) {
   for (auto _ : state) {
     float sum = 0;
     for (const Ray& ray : rays) {
-      MajorantWalk walk(m, ray, kInf);
+      MajorantIterator walk(m, ray, kInf);
       while (const auto s = walk.next()) {
         sum += s->sigma * (s->t1 - s->t0);
         ++segments;

@@ -14,8 +14,8 @@ namespace woodcock {
 namespace {
 
 constexpr int kBlock = 8;
-constexpr size_t kFewestBlocks = 64;
-constexpr int64_t kLeastSamples = 64;
+constexpr size_t kMinBlocks = 64;
+constexpr int64_t kMinSamples = 64;
 constexpr int64_t kUntimedSamples = 4;
 /// What is quoted may be so many times the pilot's samples: a slope that is off by 0.03 then makes 6 %.
 constexpr int64_t kFarthest = 8;
@@ -93,14 +93,13 @@ Pilot run_pilot(const FrameRenderer& frame, const PilotOptions& options, const s
   const auto frame_pixels = static_cast<double>(bounds.area());
   Pilot pilot;
   std::vector<Block> blocks = shuffled_blocks(bounds);
-  if (blocks.size() > kFewestBlocks) {
+  if (blocks.size() > kMinBlocks) {
     // One sample of some blocks tells how many can be paid for.
-    std::vector<Block> few(blocks.begin(), blocks.begin() + kFewestBlocks);
+    std::vector<Block> few(blocks.begin(), blocks.begin() + kMinBlocks);
     pilot.cpu_seconds = render_pass(frame, {0, 1}, few, options.threads, stop);
     const double a_pixel = pilot.cpu_seconds / static_cast<double>(pixels_of(few));
-    const double affordable =
-        options.max_cpu_seconds / 2 / static_cast<double>(kLeastSamples) / std::max(1e-12, a_pixel) / (kBlock * kBlock);
-    if (affordable < static_cast<double>(blocks.size())) blocks.resize(std::max(kFewestBlocks, static_cast<size_t>(affordable)), Block{});
+    const double affordable = options.max_cpu_seconds / 2 / static_cast<double>(kMinSamples) / std::max(1e-12, a_pixel) / (kBlock * kBlock);
+    if (affordable < static_cast<double>(blocks.size())) blocks.resize(std::max(kMinBlocks, static_cast<size_t>(affordable)), Block{});
   }
   pilot.pixel_share = static_cast<double>(pixels_of(blocks)) / frame_pixels;
 
@@ -111,13 +110,13 @@ Pilot run_pilot(const FrameRenderer& frame, const PilotOptions& options, const s
     pilot.cpu_seconds += seconds;
     samples = range.end;
     const bool over = pilot.cpu_seconds >= options.max_cpu_seconds;
-    if (!over && samples < kLeastSamples && !std::has_single_bit(static_cast<uint64_t>(samples))) continue;
+    if (!over && samples < kMinSamples && !std::has_single_bit(static_cast<uint64_t>(samples))) continue;
     // The record keeps the powers of two, and the last count.
     auto& points = pilot.record.points;
     if (!points.empty() && !std::has_single_bit(static_cast<uint64_t>(points.back().samples))) points.pop_back();
     points.push_back({samples, error_of(blocks), pilot.cpu_seconds});
     if (over) break;
-    if (samples < kLeastSamples) continue;
+    if (samples < kMinSamples) continue;
     const auto quote = options.error ? quote_error(pilot, *options.error) : quote_samples(pilot, frame.samples());
     if (!quote || quote->samples <= samples) break;
     if (quote->samples > kFarthest * samples) continue;

@@ -291,7 +291,7 @@ void add_sweep_command(CLI::App& app, int& code) {
   command->add_option("--max-depth", options->depths_text, "Scatterings a path may have: each estimator with each, against the deepest")
       ->type_name("LIST");
   command->add_option("--seeds", options->seeds, "Independent pictures of each; intervals are those between them")
-      ->check(CLI::Range(1, kMostSeeds))
+      ->check(CLI::Range(1, kMaxSeeds))
       ->capture_default_str();
   command->add_option("--reference", options->reference, "EXR to measure against (default: one is made by auto)")->check(CLI::ExistingFile);
   command

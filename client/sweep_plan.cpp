@@ -76,8 +76,8 @@ std::vector<std::vector<std::string>> choices_of_sets(const std::vector<std::str
     }
     all = longer;
     if (all.empty()) parse_edit(set);
-    if (all.size() > kMostCurves)
-      throw std::invalid_argument(fmt::format("set: found {} combinations, expected at most {}", all.size(), kMostCurves));
+    if (all.size() > kMaxCurves)
+      throw std::invalid_argument(fmt::format("set: found {} combinations, expected at most {}", all.size(), kMaxCurves));
   }
   for (const auto& choice : all) ParameterEdits{choice};
   refuse_twice(all, "set");
@@ -171,9 +171,9 @@ SweepPlan plan_sweep(const SweepOptions& options, int scene_depth, uint64_t scen
     throw std::invalid_argument(
         "reference: found one with several values of --set, which show different pictures; leave it out, and one is made for each");
   for (size_t group = 0; group < plan.groups.size(); ++group) add_curves(options, group, deepest, plan);
-  if (plan.curves.size() > kMostCurves)
+  if (plan.curves.size() > kMaxCurves)
     throw std::invalid_argument(
-        fmt::format("found {} curves (estimators times values), expected at most {}", plan.curves.size(), kMostCurves));
+        fmt::format("found {} curves (estimators times values), expected at most {}", plan.curves.size(), kMaxCurves));
   if (options.reference.empty())
     plan.reference_samples = options.reference_samples > 0 ? options.reference_samples : kReferenceFactor * plan.counts.back();
   if (options.effects) {

@@ -29,8 +29,8 @@ struct SweepOptions {
 
 inline constexpr int64_t kReferenceFactor = 4;
 /// Every curve keeps its compiled scene for as long as the sweep runs.
-inline constexpr size_t kMostCurves = 32;
-inline constexpr int kMostSeeds = 1000;
+inline constexpr size_t kMaxCurves = 32;
+inline constexpr int kMaxSeeds = 1000;
 /// Samples of the pictures by which the cost of effects is measured, at most.
 inline constexpr int64_t kEffectSamples = 64;
 

@@ -22,7 +22,7 @@ constexpr std::chrono::seconds kWorkerWait{10};
 constexpr std::chrono::milliseconds kPoll{200};
 /// So many tasks for each slot, that a worker which is twice as slow still gets some.
 constexpr size_t kTasksPerSlot = 4;
-constexpr int kSmallestTile = 8;
+constexpr int kMinTile = 8;
 
 /// A job of `samples` of the first frame alone.
 v1::SubmitJobRequest pilot_request(const v1::SubmitJobRequest& job, int64_t samples, int tile) {
@@ -101,7 +101,7 @@ WorkerTimes measure_workers(Service& service, const Submission& submission, cons
   for (const v1::WorkerStatus& worker : present) slots += worker.slots();
   const PixelRect bounds = rpc::from_wire(submission.request.frames(0).header().pixel_bounds(), "pixel_bounds");
   int tile = options.tile;
-  while (tile > kSmallestTile && tile_grid(bounds, tile).size() < kTasksPerSlot * slots) tile /= 2;
+  while (tile > kMinTile && tile_grid(bounds, tile).size() < kTasksPerSlot * slots) tile /= 2;
 
   upload_missing(service, submission, options.quiet);
   v1::SubmitJobResponse response;

@@ -164,8 +164,8 @@ Decision decide(const SampleMap& map, std::span<const BlockStatistics> blocks, c
     if (map.counts[b] < kFirstCount) {
       raise(b, kFirstCount);
       begun = begun && map.counts[b] >= target.max_samples;
-    } else if (blocks[b].relative_square == 0 && map.counts[b] < kLeastCount) {
-      raise(b, kLeastCount);
+    } else if (blocks[b].relative_square == 0 && map.counts[b] < kMinCount) {
+      raise(b, kMinCount);
     }
   }
   // Nothing can be said of the rest before all have begun.

@@ -29,7 +29,7 @@ struct SamplingTarget {
 
 /// Counts of the first pass and of a block that may be done although it looks free of noise.
 inline constexpr int64_t kFirstCount = 16;
-inline constexpr int64_t kLeastCount = 32;
+inline constexpr int64_t kMinCount = 32;
 /// A block's neighbourhood counts as so many samples of its own: see `decide`.
 inline constexpr double kPriorSamples = 16;
 
@@ -67,7 +67,7 @@ struct Decision {
 /// be rendered.
 ///
 /// - A block below kFirstCount goes there, whatever the rest.
-/// - Otherwise nothing goes on once E ≤ target, except blocks below kLeastCount whose variance is 0: black so far is not yet
+/// - Otherwise nothing goes on once E ≤ target, except blocks below kMinCount whose variance is 0: black so far is not yet
 ///   black. Without a target the aim is E²/1.5, one pass after the other.
 /// - Else the λ is sought for which the planned counts max(n_b, λ·√(c̃_b/A_b)), none above the limit, lower E² to the target, and the
 ///   blocks that are planned above their n_b go on: to the largest count of the schedule that is neither above the plan nor above

@@ -11,11 +11,11 @@ namespace woodcock {
 
 namespace {
 
-constexpr double kLargestError = 0.5;
+constexpr double kMaxError = 0.5;
 /// How far slopes are from −1 as a rule, where low-discrepancy numbers help a little.
 constexpr double kSlopeDeviation = 0.03;
-constexpr double kLargestOneSampleShare = 0.25;
-constexpr double kLargestSquareShare = 0.25;
+constexpr double kMaxOneSampleShare = 0.25;
+constexpr double kMaxSquareShare = 0.25;
 constexpr int64_t kSquareShareSamples = 128;
 
 /// g of the head of convergence.h.
@@ -45,8 +45,7 @@ std::optional<Estimate> mse_slope(std::span<const ConvergencePoint> points) {
   double a = 0, b = 0, c = 0, u = 0, v = 0, last[3] = {}, last_chain = 0;
   int rows = 0;
   for (const auto& [samples, error, seconds] : points) {
-    if (samples < kReplicates || !error.relative_error || !(*error.relative_mse > 0) || error.relative_error->value > kLargestError)
-      continue;
+    if (samples < kReplicates || !error.relative_error || !(*error.relative_mse > 0) || error.relative_error->value > kMaxError) continue;
     const double sigma = std::max(deviation(error, 2), 1e-9);
     // E[log(1 + ε)] = −σ²/2.
     const double row[3] = {1 / sigma, std::log(static_cast<double>(samples)) / sigma,
@@ -69,9 +68,9 @@ std::optional<Estimate> mse_slope(std::span<const ConvergencePoint> points) {
 }
 
 std::string heavy_tail_reason(const ErrorEstimate& error) {
-  if (error.one_sample_share && *error.one_sample_share > kLargestOneSampleShare && error.samples * error.pixels >= 256)
+  if (error.one_sample_share && *error.one_sample_share > kMaxOneSampleShare && error.samples * error.pixels >= 256)
     return fmt::format("one sample carries {:.0f} % of the error", 100 * std::min(1.0, *error.one_sample_share));
-  if (error.samples >= kSquareShareSamples && error.largest_square_share && *error.largest_square_share > kLargestSquareShare)
+  if (error.samples >= kSquareShareSamples && error.largest_square_share && *error.largest_square_share > kMaxSquareShare)
     return fmt::format("in {} samples a pixel the largest one still is {:.0f} % of the sum of squares", error.samples,
                        100 * *error.largest_square_share);
   return {};

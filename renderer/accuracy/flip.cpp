@@ -78,11 +78,11 @@ struct Sensitivity {
   double a1, b1, a2, b2;
 };
 constexpr std::array<Sensitivity, 3> kSensitivities = {{{1, 0.0047, 0, 1e-5}, {1, 0.0053, 0, 1e-5}, {34.1, 0.04, 13.5, 0.025}}};
-constexpr double kLargestB = 0.04;
+constexpr double kMaxB = 0.04;
 
 Plane contrast_filtered(const Plane& plane, const Sensitivity& s, double pixels_per_degree) {
   constexpr double kPi = 3.14159265358979323846;
-  const int radius = static_cast<int>(std::ceil(3 * std::sqrt(kLargestB / (2 * kPi * kPi)) * pixels_per_degree));
+  const int radius = static_cast<int>(std::ceil(3 * std::sqrt(kMaxB / (2 * kPi * kPi)) * pixels_per_degree));
   const auto gauss = [&](double b) {
     return sample_filter(radius, [&](int i) { return std::exp(-kPi * kPi * i * i / (pixels_per_degree * pixels_per_degree * b)); });
   };

@@ -162,7 +162,7 @@ std::vector<int64_t> parse_sample_counts(const std::string& text) {
     }
     if (!counts.empty() && value <= counts.back()) refuse_counts(text, "numbers that ascend");
     counts.push_back(value);
-    if (counts.size() > kMostCounts) refuse_counts(text, "at most 40 numbers");
+    if (counts.size() > kMaxCounts) refuse_counts(text, "at most 40 numbers");
   }
   if (dots) refuse_counts(text, "a number behind \"...\"");
   return counts;

@@ -17,9 +17,9 @@
 namespace woodcock {
 
 /// "1,2,4,8" as numbers; "1,2,...,64" (or "…") goes on by the factor of the two before it, up to the one after it. Throws
-/// std::invalid_argument where they do not ascend, are not whole, or are more than kMostCounts.
+/// std::invalid_argument where they do not ascend, are not whole, or are more than kMaxCounts.
 std::vector<int64_t> parse_sample_counts(const std::string& text);
-inline constexpr size_t kMostCounts = 40;
+inline constexpr size_t kMaxCounts = 40;
 
 /// One run of a sweep: the samples [0, `samples`) of a curve and a seed.
 struct SweepStep {

@@ -47,7 +47,7 @@ void check_taken(bool given, bool taken, const char* option, const EstimatorInfo
 
 int checked_count(std::optional<int> value, const char* option) {
   if (!value) return 1;
-  if (*value < 1 || *value > kMostDirections) refuse(fmt::format("{}: found {}, expected 1 to {}", option, *value, kMostDirections));
+  if (*value < 1 || *value > kMaxDirections) refuse(fmt::format("{}: found {}, expected 1 to {}", option, *value, kMaxDirections));
   return *value;
 }
 

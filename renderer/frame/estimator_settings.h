@@ -13,11 +13,11 @@
 namespace woodcock {
 
 /// The most that `--directions` and `--branching` take.
-inline constexpr int kMostDirections = 1024;
+inline constexpr int kMaxDirections = 1024;
 /// With in-scattering but no out-scattering each scattering gains energy; beyond this depth the sum means nothing.
-inline constexpr int kMostDepthWithGain = 100;
+inline constexpr int kMaxDepthWithGain = 100;
 /// More steps than this across the scene are refused: a ray would take seconds.
-inline constexpr double kMostSteps = 1 << 20;
+inline constexpr double kMaxSteps = 1 << 20;
 
 struct EstimatorSettings {
   const EstimatorInfo* estimator = nullptr;

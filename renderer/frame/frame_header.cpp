@@ -79,8 +79,8 @@ void apply_settings(const FrameSettings& settings, SceneDescription& scene) {
   parse_aovs(settings.aovs);
   const EstimatorSettings estimator = resolve_estimator(settings);
   scene.settings.terms = estimator.terms;
-  if (estimator.terms.in_scattering && !estimator.terms.out_scattering && scene.settings.max_depth > kMostDepthWithGain) {
-    refuse("max-depth: found " + std::to_string(scene.settings.max_depth) + ", expected at most " + std::to_string(kMostDepthWithGain) +
+  if (estimator.terms.in_scattering && !estimator.terms.out_scattering && scene.settings.max_depth > kMaxDepthWithGain) {
+    refuse("max-depth: found " + std::to_string(scene.settings.max_depth) + ", expected at most " + std::to_string(kMaxDepthWithGain) +
            " where in-scattering counts and out-scattering does not: energy grows with every scattering");
   }
   refuse_lights(*estimator.estimator, estimator.features, scene);

@@ -42,9 +42,9 @@ Rgb developed(PathResult& path, float weight, const FilmDescription& film, Sampl
 /// The step in render units. Throws std::invalid_argument where a ray would take more steps than anyone waits for.
 float checked_step(double step, const World& world) {
   const double length = step * world.space.scale, diagonal = static_cast<double>(glm::length(world.geometry.bounds().extent()));
-  if (std::isfinite(diagonal) && !(diagonal / length <= kMostSteps)) {
+  if (std::isfinite(diagonal) && !(diagonal / length <= kMaxSteps)) {
     throw std::invalid_argument("step: found " + std::to_string(step) + ", expected at least " +
-                                std::to_string(diagonal / world.space.scale / kMostSteps) + " world units: the scene is " +
+                                std::to_string(diagonal / world.space.scale / kMaxSteps) + " world units: the scene is " +
                                 std::to_string(diagonal / world.space.scale) + " across");
   }
   return static_cast<float>(length);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kSphere = 4 * std::numbers::pi;
 /// Of a pixel's radiance, that its remainder must be to be sampled.
-constexpr double kLeastRemainder = 1.0 / 16;
+constexpr double kMinRemainder = 1.0 / 16;
 
 /// What MIS compensation leaves of the pixels: max(0, L − mean L).
 std::vector<float> compensated(const std::vector<double>& radiances) {
@@ -20,7 +20,7 @@ std::vector<float> compensated(const std::vector<double>& radiances) {
   std::vector<float> weights;
   weights.reserve(radiances.size());
   for (const double radiance : radiances)
-    weights.push_back(radiance - mean > kLeastRemainder * radiance ? static_cast<float>(radiance - mean) : 0.0f);
+    weights.push_back(radiance - mean > kMinRemainder * radiance ? static_cast<float>(radiance - mean) : 0.0f);
   return weights;
 }
 

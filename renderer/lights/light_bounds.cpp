@@ -8,7 +8,7 @@ namespace woodcock {
 namespace {
 
 /// A grazing direction may be lit better than the middle of the bounds suggests.
-constexpr double kLeastCosine = 0.05;
+constexpr double kMinCosine = 0.05;
 /// Of angles and lengths, for what rounding does to them.
 constexpr double kMargin = 1e-6;
 
@@ -31,8 +31,8 @@ double LightBounds::importance(DVec3 p) const {
   const DVec3 margin = kMargin * half + 1e-7 * glm::abs(center);
   const double radius2 = length_squared(half + margin), distance2 = length_squared(to);
   // Never infinite, and far below any distance that matters.
-  constexpr double kLeastSquare = 1e-60;
-  if (!(distance2 > radius2)) return intensity / std::max(radius2, kLeastSquare);
+  constexpr double kMinSquare = 1e-60;
+  if (!(distance2 > radius2)) return intensity / std::max(radius2, kMinSquare);
   double cosine = 1;
   if (axes.cos_angle > -1) {
     double along = std::clamp(glm::dot(axes.axis, to) / std::sqrt(distance2), -1.0, 1.0);
@@ -40,9 +40,9 @@ double LightBounds::importance(DVec3 p) const {
     const Angle seen{std::sqrt(1 - radius2 / distance2), std::sqrt(radius2 / distance2)};
     const Angle beyond = minus(minus({along, sine_of(along)}, {axes.cos_angle, sine_of(axes.cos_angle)}), seen);
     if (beyond.cosine < cos_emission - kMargin) return 0;
-    cosine = std::max(beyond.cosine, kLeastCosine);
+    cosine = std::max(beyond.cosine, kMinCosine);
   }
-  return intensity * cosine / std::max(distance2, kLeastSquare);
+  return intensity * cosine / std::max(distance2, kMinSquare);
 }
 
 DirectionCone merged(const DirectionCone& a, const DirectionCone& b) {

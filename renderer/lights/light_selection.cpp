@@ -12,7 +12,7 @@ constexpr double kDefensiveShare = 0.1;
 }  // namespace
 
 struct LightSelection::Loop {
-  std::array<double, kMostInLoop> importance{};
+  std::array<double, kMaxInLoop> importance{};
   double total = 0;
   int shining = 0;
 

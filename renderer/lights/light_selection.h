@@ -67,10 +67,10 @@ class LightSelection {
   double probability(int light, DVec3 p) const;
 
   /// More are in a tree.
-  static constexpr size_t kMostInLoop = 16;
+  static constexpr size_t kMaxInLoop = 16;
 
  private:
-  bool uses_tree() const { return bounded_.size() > kMostInLoop; }
+  bool uses_tree() const { return bounded_.size() > kMaxInLoop; }
   /// Importances of the lights in the loop.
   struct Loop;
   Loop loop(DVec3 p) const;

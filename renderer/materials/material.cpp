@@ -47,7 +47,7 @@ struct Evaluator {
   Coat coat(const CoatDescription& c) const {
     Coat result;
     result.boundary = {c.eta, roughness(c.roughness)};
-    // Beyond this it is endless, and a float does not tell a step from none.
+    // Beyond this it is unbounded, and a float does not tell a step from none.
     result.thickness = std::min(1e4f, not_negative((*this)(c.thickness)));
     result.g = std::clamp((*this)(c.g), -0.9999f, 0.9999f);
     result.albedo = clamp01((*this)(c.albedo));

@@ -19,8 +19,8 @@ Deflection Draine::sample(float u) const {
   const double a = 1 - gd, b = 1 + gd, inverse_norm = 1 / (1 + ad * (1 + 2 * gd * gd) / 3);
   const double forward = g >= 0 ? 1 - static_cast<double>(u) : static_cast<double>(u);
   double low = 0, high = 1, v = forward, x = 0, rest = 1;
-  constexpr int kMostSteps = 100;  // bisection alone needs fewer
-  for (int step = 0; step < kMostSteps; ++step) {
+  constexpr int kMaxSteps = 100;  // bisection alone needs fewer
+  for (int step = 0; step < kMaxSteps; ++step) {
     const double d = a * v + b * (1 - v);
     x = a * v / d;
     rest = b * (1 - v) / d;  // 1 − x

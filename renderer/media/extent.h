@@ -43,27 +43,27 @@ inline Extent extent_of(const Medium& medium, const Ray& ray, double t_max) {
 }
 
 /// What a segment without end leads into: the coefficients there, and the distance from which on they hold.
-struct EndlessPart {
+struct UnboundedPart {
   double from;
   MediumPoint point;
 };
 /// Nothing where the segment has an end, or the medium on it has.
-inline std::optional<EndlessPart> endless_part(const Medium& medium, const Ray& ray, double t_max) {
+inline std::optional<UnboundedPart> unbounded_part(const Medium& medium, const Ray& ray, double t_max) {
   if (std::isfinite(t_max)) return std::nullopt;
-  if (medium.is_homogeneous()) return EndlessPart{0, medium.homogeneous()};
-  EndlessPart endless{0, {}};
+  if (medium.is_homogeneous()) return UnboundedPart{0, medium.homogeneous()};
+  UnboundedPart unbounded{0, {}};
   bool any = false;
   for (const auto& part : medium.parts()) {
     if (!part->is_homogeneous()) {
-      endless.from = std::max(endless.from, extent_of(*part, ray, t_max).end);
+      unbounded.from = std::max(unbounded.from, extent_of(*part, ray, t_max).end);
       continue;
     }
     any = true;
-    endless.point.sigma_t += part->homogeneous().sigma_t;
-    endless.point.sigma_s += part->homogeneous().sigma_s;
-    endless.point.emission += part->homogeneous().emission;
+    unbounded.point.sigma_t += part->homogeneous().sigma_t;
+    unbounded.point.sigma_s += part->homogeneous().sigma_s;
+    unbounded.point.emission += part->homogeneous().emission;
   }
-  return any ? std::optional(endless) : std::nullopt;
+  return any ? std::optional(unbounded) : std::nullopt;
 }
 
 }  // namespace woodcock

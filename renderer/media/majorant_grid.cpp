@@ -10,7 +10,7 @@ namespace {
 /// last place.
 constexpr float kRoundingAllowance = 1 + 0x1p-20f;
 /// Coarsening stops here; larger bricks save no steps worth having.
-constexpr int kLargestEdge = 64;
+constexpr int kMaxEdge = 64;
 
 int ceil_div(int a, int b) { return a >= 0 ? (a + b - 1) / b : -(-a / b); }
 int floor_div(int a, int b) { return a >= 0 ? a / b : -((-a + b - 1) / b); }
@@ -109,7 +109,7 @@ float MajorantGrid::maximum() const {
 MajorantGrid choose_brick_edge(MajorantGrid finest) {
   MajorantGrid best = std::move(finest);
   double depth = best.median_optical_depth();
-  while (depth > 0 && depth < 1 && best.edge() < kLargestEdge && std::max({best.size().x, best.size().y, best.size().z}) > 1) {
+  while (depth > 0 && depth < 1 && best.edge() < kMaxEdge && std::max({best.size().x, best.size().y, best.size().z}) > 1) {
     MajorantGrid next = best.coarser();
     const double next_depth = next.median_optical_depth();
     // Nearest on a scale of ratios: stay when next/1 exceeds 1/depth.
@@ -118,53 +118,6 @@ MajorantGrid choose_brick_edge(MajorantGrid finest) {
     depth = next_depth;
   }
   return best;
-}
-
-BrickWalk::BrickWalk(const MajorantGrid& grid, const Ray& ray, double t_max, double margin) {
-  const DVec3 o = grid.map().point(ray.o), d = grid.map().vector(ray.d);
-  const CellBox& box = grid.box();
-  // Clip to the box. A ray parallel to a pair of faces is inside when it lies between or on them; dividing by its
-  // zero (of either sign) is never tried.
-  double t0 = 0, t1 = t_max;
-  double inverse[3];
-  for (int i = 0; i < 3; ++i) {
-    inverse[i] = 1 / d[i];
-    const double lower = box.lower[i] - margin, upper = box.upper[i] + margin;
-    if (!std::isfinite(inverse[i])) {
-      if (!(o[i] >= lower && o[i] <= upper)) return;
-      continue;
-    }
-    const double a = (lower - o[i]) * inverse[i], b = (upper - o[i]) * inverse[i];
-    t0 = std::max(t0, std::min(a, b));
-    t1 = std::min(t1, std::max(a, b));
-  }
-  t_ = t0;
-  t_end_ = t1;
-  if (!(t_ < t_end_)) return;
-
-  const double edge = grid.edge(), per_edge = 1 / edge;  // exact: edges are powers of two
-  const IVec3 size = grid.size();
-  const ptrdiff_t unit[3] = {1, size.x, static_cast<ptrdiff_t>(size.x) * size.y};
-  for (int i = 0; i < 3; ++i) {
-    // The outermost bricks reach to the ends of the box. The sign of a direction is as good as random: no branches on it.
-    const double last = size[i] - 1.0, forward = d[i] > 0 ? 1 : 0;
-    const auto brick = static_cast<int>(std::min(std::max(0.0, (o[i] + t0 * d[i]) * per_edge), last));
-    brick_ += brick * unit[i];
-    steps_[i] = 0;
-    if (!std::isfinite(inverse[i])) {
-      last_step_[i] = face_dt_[i] = 0;
-      stride_[i] = 0;
-      face_t_[i] = next_t_[i] = std::numeric_limits<double>::infinity();
-      continue;
-    }
-    const double b = brick;
-    last_step_[i] = b + forward * (last - 2 * b);
-    stride_[i] = unit[i] * (2 * static_cast<ptrdiff_t>(forward) - 1);
-    face_t_[i] = ((b + forward) * edge - o[i]) * inverse[i];
-    face_dt_[i] = edge * std::abs(inverse[i]);
-    next_t_[i] = last_step_[i] > 0 ? face_t_[i] : std::numeric_limits<double>::infinity();
-  }
-  bounds_ = grid.data();
 }
 
 }  // namespace woodcock

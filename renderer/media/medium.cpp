@@ -12,43 +12,41 @@ Rgb Medium::GridEmission::at(DVec3 p) const {
 }
 
 MediumPoint Medium::at(DVec3 p) const {
-  if (kind_ == Kind::kHomogeneous) return unit_;
-  if (kind_ == Kind::kSum) {
-    MediumPoint sum;
-    for (const auto& part : parts_) {
-      const MediumPoint point = part->at(p);
-      sum.sigma_t += point.sigma_t;
-      sum.sigma_s += point.sigma_s;
-      sum.emission += point.emission;
-    }
-    return sum;
-  }
-  if (kind_ == Kind::kGrid) {
-    const float d = density(p);
+  if (is_homogeneous()) return unit_;
+  if (const auto* grid = std::get_if<Grid>(&kind_)) {
+    const float d = look_up(grid->density, p);
     MediumPoint point{unit_.sigma_t * d, unit_.sigma_s * d, Rgb(0)};
-    if (emits_ && d > 0) point.emission = unit_sigma_a_ * d * emission_.at(p);
+    if (emits_ && d > 0) point.emission = grid->unit_sigma_a * d * grid->emission.at(p);
     return point;
   }
-  const Rgb sigma_a = rgb_.sigma_a_at(p), sigma_s = rgb_.sigma_s_at(p);
-  MediumPoint point{rgb_.sigma_t_of(sigma_a, sigma_s), rgb_.terms.in_scattering ? sigma_s : Rgb(0), Rgb(0)};
-  if (emits_) point.emission = sigma_a * rgb_.emission->at(p);
-  return point;
+  if (const auto* grid = std::get_if<RgbGrid>(&kind_)) {
+    const Rgb sigma_a = grid->sigma_a_at(p), sigma_s = grid->sigma_s_at(p);
+    MediumPoint point{grid->sigma_t_of(sigma_a, sigma_s), grid->terms.in_scattering ? sigma_s : Rgb(0), Rgb(0)};
+    if (emits_) point.emission = sigma_a * grid->emission->at(p);
+    return point;
+  }
+  MediumPoint sum;
+  for (const auto& part : parts_) {
+    const MediumPoint point = part->at(p);
+    sum.sigma_t += point.sigma_t;
+    sum.sigma_s += point.sigma_s;
+    sum.emission += point.emission;
+  }
+  return sum;
 }
 
 Rgb Medium::sigma_s(DVec3 p) const {
-  if (kind_ == Kind::kHomogeneous) return unit_.sigma_s;
-  if (kind_ == Kind::kGrid) return unit_.sigma_s * density(p);
-  return rgb_.terms.in_scattering ? rgb_.sigma_s_at(p) : Rgb(0);
+  if (is_homogeneous()) return unit_.sigma_s;
+  if (const auto* grid = std::get_if<Grid>(&kind_)) return unit_.sigma_s * look_up(grid->density, p);
+  const RgbGrid& grid = std::get<RgbGrid>(kind_);
+  return grid.terms.in_scattering ? grid.sigma_s_at(p) : Rgb(0);
 }
 
 double Medium::diagonal() const {
-  if (kind_ == Kind::kHomogeneous) return std::numeric_limits<double>::infinity();
-  if (kind_ == Kind::kSum) {
-    double smallest = std::numeric_limits<double>::infinity();
-    for (const auto& part : parts_) smallest = std::min(smallest, part->diagonal());
-    return smallest;
-  }
-  return glm::length(majorants_.box().upper - majorants_.box().lower) * majorants_.map().cell_edge();
+  if (has_bricks()) return glm::length(majorants_.box().upper - majorants_.box().lower) * majorants_.map().cell_edge();
+  double smallest = std::numeric_limits<double>::infinity();
+  for (const auto& part : parts_) smallest = std::min(smallest, part->diagonal());
+  return smallest;
 }
 
 Media::Media(const SceneDescription& scene, const DMat4& render_from_world, double scale) : media_(scene.media.size()) {

@@ -10,13 +10,12 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <utility>
 #include <variant>
 #include <vector>
 
 #include "renderer/media/brick_field.h"
 #include "renderer/media/cloud_field.h"
-#include "renderer/media/emission_bricks.h"
+#include "renderer/media/emission_importance.h"
 #include "renderer/media/majorant_grid.h"
 #include "renderer/media/phase.h"
 #include "renderer/scene/description.h"
@@ -60,7 +59,7 @@ class Medium {
   explicit Medium(std::vector<std::shared_ptr<const Medium>> parts);
 
   /// The same everywhere, without bounds of its own.
-  bool is_homogeneous() const { return kind_ == Kind::kHomogeneous; }
+  bool is_homogeneous() const { return std::holds_alternative<Uniform>(kind_); }
   /// The coefficients of a homogeneous medium.
   const MediumPoint& homogeneous() const { return unit_; }
 
@@ -70,7 +69,7 @@ class Medium {
   Rgb sigma_t(DVec3 p) const;
   /// σt at a render-space point where `is_grey()`: one float look-up.
   float grey_sigma_t(DVec3 p) const {
-    if (kind_ == Kind::kGrid) return unit_.sigma_t.x * density(p);
+    if (const auto* grid = std::get_if<Grid>(&kind_)) return unit_.sigma_t.x * look_up(grid->density, p);
     return sigma_t(p).x;
   }
   /// The factor of `unit()` at a render-space point: 1 in homogeneous media. Only where `is_separable`.
@@ -78,7 +77,7 @@ class Medium {
   /// The coefficients at density 1; `emission` is set for homogeneous media only.
   const MediumPoint& unit() const { return unit_; }
   /// σa and σs are `density` times constants: true for all kinds but RGB grids and sums.
-  bool is_separable() const { return kind_ == Kind::kHomogeneous || kind_ == Kind::kGrid; }
+  bool is_separable() const { return is_homogeneous() || std::holds_alternative<Grid>(kind_); }
 
   /// The phase function at a render-space point.
   PhaseMix phase_at(DVec3 p) const { return parts_.empty() ? PhaseMix(phase_) : mixed_phase(p); }
@@ -105,14 +104,13 @@ class Medium {
   const MajorantGrid& majorants() const { return majorants_; }
   /// Where the emission of a medium that is not homogeneous comes from; null where there is none. That of the homogeneous
   /// parts of a sum is left out.
-  const EmissionBricks* emission_bricks() const { return emission_bricks_.get(); }
+  const EmissionImportance* emission_importance() const { return emission_importance_.get(); }
   /// It is neither homogeneous nor a sum.
-  bool has_bricks() const { return kind_ == Kind::kGrid || kind_ == Kind::kRgbGrid; }
+  bool has_bricks() const { return std::holds_alternative<Grid>(kind_) || std::holds_alternative<RgbGrid>(kind_); }
   /// What a sum is made of; empty for other media.
   std::span<const std::shared_ptr<const Medium>> parts() const { return parts_; }
 
  private:
-  enum class Kind { kHomogeneous, kGrid, kRgbGrid, kSum };
   /// Le = radiance × scale × scale_grid × blackbody(temperature), each factor where there is one.
   struct GridEmission {
     Rgb radiance{0};
@@ -124,8 +122,16 @@ class Medium {
     float kelvin(float value) const { return (value - temperature_offset) * temperature_scale; }
     Rgb at(DVec3 p) const;
   };
+  /// The coefficients are the same everywhere: `unit_`.
+  struct Uniform {};
+  /// A density times `unit_`. May emit.
+  struct Grid {
+    FloatField density;
+    GridEmission emission;
+    Rgb unit_sigma_a{0};  ///< whether absorption counts or not: emission is σa · Le
+  };
   /// σa and σs grids; an absent one is `absent` everywhere inside the box of the other.
-  struct RgbGrids {
+  struct RgbGrid {
     std::optional<BrickField<Rgb>> sigma_a, sigma_s, emission;
     Rgb absent{0};
     TransferTerms terms;
@@ -134,24 +140,22 @@ class Medium {
     Rgb sigma_s_at(DVec3 p) const { return sigma_s ? sigma_s->at(p) : sigma_a->contains(p) ? absent : Rgb(0); }
     Rgb sigma_t_of(Rgb a, Rgb s) const { return (terms.absorption ? a : Rgb(0)) + (terms.out_scattering ? s : Rgb(0)); }
   };
+  /// The sum of `parts_`.
+  struct Sum {};
   struct Builder;
 
   Rgb sigma_s(DVec3 p) const;  ///< not of a sum
   Rgb sum_of_sigma_t(DVec3 p) const;
   PhaseMix mixed_phase(DVec3 p) const;
 
-  Kind kind_ = Kind::kHomogeneous;
+  std::variant<Uniform, Grid, RgbGrid, Sum> kind_;
   bool attenuates_ = false, scatters_ = false, emits_ = false, grey_ = true;
   float maximum_sigma_t_ = 0;
   double mean_sigma_t_ = 0;
   MediumPoint unit_;
-  Rgb unit_sigma_a_{0};  ///< whether absorption counts or not: emission is σa · Le
   PhaseFunction phase_;
   MajorantGrid majorants_;
-  FloatField density_;
-  GridEmission emission_;
-  RgbGrids rgb_;
-  std::shared_ptr<const EmissionBricks> emission_bricks_;
+  std::shared_ptr<const EmissionImportance> emission_importance_;
   std::vector<std::shared_ptr<const Medium>> parts_;
 };
 
@@ -173,52 +177,20 @@ class Media {
   std::vector<std::string> notes_;
 };
 
-class SumWalk;
-
-/// The parts of a ray where a medium may interact, front to back, each with bounds of σt. Parts in between are empty.
-class MajorantWalk {
- public:
-  /// `ray.d` has unit length; the walk covers [0, t_max], and t_max may be infinite. Without `bricks` it is one segment,
-  /// with the bound of the whole medium.
-  MajorantWalk(const Medium& medium, const Ray& ray, double t_max, bool bricks = true)
-      : bricks_(bricks && medium.has_bricks() ? BrickWalk(medium.majorants(), ray, t_max) : BrickWalk()) {
-    if (!bricks || !medium.has_bricks()) enter(medium, ray, t_max, bricks);
-  }
-
-  /// The next segment, or nothing at the end.
-  std::optional<MajorantSegment> next() {
-    if (sum_) return next_of(*sum_);
-    if (whole_) return std::exchange(whole_, std::nullopt);
-    return bricks_.next();
-  }
-
- private:
-  struct DeleteSum {
-    void operator()(SumWalk* sum) const;
-  };
-
-  void enter(const Medium& medium, const Ray& ray, double t_max, bool bricks);
-  static std::optional<MajorantSegment> next_of(SumWalk& sum);
-
-  BrickWalk bricks_;
-  std::optional<MajorantSegment> whole_;
-  std::unique_ptr<SumWalk, DeleteSum> sum_;
-};
-
 /// σs/σt per channel; 0 where there is no extinction.
 Rgb albedo(const MediumPoint& point);
 inline Rgb albedo(const Medium& medium, DVec3 p) { return albedo(medium.at(p)); }
 
 inline float Medium::density(DVec3 p) const {
-  if (kind_ == Kind::kHomogeneous) return 1;
-  return look_up(density_, p);
+  const auto* grid = std::get_if<Grid>(&kind_);
+  return grid != nullptr ? look_up(grid->density, p) : 1;
 }
 
 inline Rgb Medium::sigma_t(DVec3 p) const {
-  if (kind_ == Kind::kHomogeneous) return unit_.sigma_t;
-  if (kind_ == Kind::kGrid) return unit_.sigma_t * density(p);
-  if (kind_ == Kind::kSum) return sum_of_sigma_t(p);
-  return rgb_.sigma_t_of(rgb_.sigma_a_at(p), rgb_.sigma_s_at(p));
+  if (is_homogeneous()) return unit_.sigma_t;
+  if (const auto* grid = std::get_if<Grid>(&kind_)) return unit_.sigma_t * look_up(grid->density, p);
+  if (const auto* grid = std::get_if<RgbGrid>(&kind_)) return grid->sigma_t_of(grid->sigma_a_at(p), grid->sigma_s_at(p));
+  return sum_of_sigma_t(p);
 }
 
 }  // namespace woodcock

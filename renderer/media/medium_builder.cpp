@@ -17,9 +17,9 @@ namespace {
 /// The finest bricks that are considered, in cells.
 constexpr int kFinestEdge = 4;
 /// Large sparse volumes start with coarser bricks than that: 64 MiB of bounds.
-constexpr double kMostBricks = 1 << 24;
+constexpr double kMaxBricks = 1 << 24;
 /// A ray takes a step for each unit of optical depth of the bound: beyond this it would take minutes, or not end.
-constexpr double kLargestDepth = 1e9;
+constexpr double kMaxDepth = 1e9;
 
 bool has_equal_channels(Rgb c) { return c.x == c.y && c.y == c.z; }
 double mean_channel(Rgb c) { return (static_cast<double>(c.x) + static_cast<double>(c.y) + static_cast<double>(c.z)) / 3; }
@@ -100,6 +100,7 @@ struct Medium::Builder {
   DMat4 render_from_medium;
   float inverse_scale;
   TransferTerms terms;
+  Rgb unit_sigma_a{0};           ///< σa at density 1, whatever the terms
   Rgb whole{0};                  ///< σa + σs at density 1, whatever the terms
   bool may_emit = false;         ///< keep the finest bounds
   MajorantGrid finest_bounds{};  ///< for the bricks of emission
@@ -109,7 +110,7 @@ struct Medium::Builder {
     checks.coefficient(sigma_s, "sigma_s");
     const Rgb a = sigma_a * inverse_scale, s = sigma_s * inverse_scale;
     whole = a + s;
-    medium.unit_sigma_a_ = a;
+    unit_sigma_a = a;
     medium.unit_ = {(terms.absorption ? a : Rgb(0)) + (terms.out_scattering ? s : Rgb(0)), terms.in_scattering ? s : Rgb(0), Rgb(0)};
     medium.phase_ = checks.phase(phase);
     medium.grey_ = has_equal_channels(medium.unit_.sigma_t);
@@ -126,7 +127,7 @@ struct Medium::Builder {
   void operator()(const HomogeneousDescription& d) {
     set_unit(d.sigma_a, d.sigma_s, d.phase);
     checks.coefficient(d.emission, "Le");
-    if (terms.emission) medium.unit_.emission = medium.unit_sigma_a_ * d.emission;
+    if (terms.emission) medium.unit_.emission = unit_sigma_a * d.emission;
     medium.maximum_sigma_t_ = max_component(whole);
     set_effects_of_unit(1);
     medium.emits_ = !is_black(medium.unit_.emission);
@@ -150,8 +151,9 @@ struct Medium::Builder {
   }
 
   void operator()(const GridMediumDescription& d) {
-    medium.kind_ = Kind::kGrid;
+    auto& filled = medium.kind_.emplace<Grid>();
     set_unit(d.sigma_a, d.sigma_s, d.phase);
+    filled.unit_sigma_a = unit_sigma_a;
     checks.coefficient(d.emission, "Le");
     may_emit = terms.emission && !is_black(d.emission) && !is_black(d.sigma_a);
     double mean_density = 0;
@@ -160,18 +162,18 @@ struct Medium::Builder {
       BrickField<float> density(grid, render_from_medium);
       bound(grid, density);
       mean_density = grid_mean(grid.size, density.box(), [&](IVec3 v) { return grid.at(v.x, v.y, v.z); });
-      medium.density_ = std::move(density);
+      filled.density = std::move(density);
     } else {
       const auto& grid = std::get<SparseGrid>(*d.density);
       SparseField density = sparse_field(grid, "density");
       if (d.temperature) extend_to(density, grid, *d.temperature);
       bound(density);
       mean_density = density.mean();
-      medium.density_ = BrickField<float>(std::move(density));
+      filled.density = BrickField<float>(std::move(density));
     }
     set_effects_of_unit(mean_density);
-    set_emission(d);
-    set_emission_bricks();
+    set_emission(d, filled.emission);
+    set_emission_importance();
   }
 
   /// pbrt-v4 ends a NanoVDB medium at the union of the boxes of its density and its temperature. For grids whose maps
@@ -190,18 +192,17 @@ struct Medium::Builder {
     density.set_box({glm::min(box.lower, box.lower + glm::min(a, b)), glm::max(box.upper, box.lower + glm::max(a, b))});
   }
 
-  void set_emission(const GridMediumDescription& d) {
-    GridEmission& e = medium.emission_;
+  void set_emission(const GridMediumDescription& d, GridEmission& e) {
     e.radiance = d.emission;
     e.scale = d.emission_scale;
     if (!(e.scale >= 0) || !std::isfinite(e.scale)) checks.fail(fmt::format("Lescale is {}; it must be finite and not negative", e.scale));
     if (!terms.emission || !(medium.maximum_sigma_t_ > 0)) return;
-    if (is_black(medium.unit_sigma_a_) || is_black(e.radiance) || e.scale == 0) return;
+    if (is_black(unit_sigma_a) || is_black(e.radiance) || e.scale == 0) return;
     if (d.temperature) {
       e.temperature_scale = d.temperature_scale;
       e.temperature_offset = d.temperature_offset;
       e.temperature_cutoff = d.temperature_cutoff;
-      if (!(hottest(*d.temperature, e) > e.temperature_cutoff)) return;
+      if (!(max_temperature(*d.temperature, e) > e.temperature_cutoff)) return;
       e.temperature = temperature_field(*d.temperature);
     }
     if (d.emission_grid) e.scale_grid = field(*d.emission_grid, "Lescale");
@@ -209,7 +210,7 @@ struct Medium::Builder {
   }
 
   /// A bound of the temperatures in kelvin, infinite where none is known.
-  static float hottest(const FloatVolume& volume, const GridEmission& e) {
+  static float max_temperature(const FloatVolume& volume, const GridEmission& e) {
     const auto* dense = std::get_if<DenseGrid<float>>(&volume);
     if (!(e.temperature_scale > 0)) return kInf;
     // Where the grid has no values it reads 0, before scale and offset.
@@ -243,7 +244,7 @@ struct Medium::Builder {
     const auto bricks = [&] {
       return static_cast<double>(density.voxels().x) / edge * density.voxels().y / edge * density.voxels().z / edge;
     };
-    while (bricks() > kMostBricks) edge *= 2;
+    while (bricks() > kMaxBricks) edge *= 2;
     MajorantGrid grid(density.voxels(), density.box(), density.map(), edge);
     density.add_bounds(grid);
     grid.scale(max_component(whole), min_component(medium.unit_.sigma_t));
@@ -255,22 +256,22 @@ struct Medium::Builder {
     medium.majorants_ = choose_brick_edge(std::move(finest));
     medium.maximum_sigma_t_ = medium.majorants_.maximum();
     const double depth = static_cast<double>(medium.maximum_sigma_t_) * medium.diagonal();
-    if (!(depth <= kLargestDepth))
+    if (!(depth <= kMaxDepth))
       checks.fail(
           fmt::format("its largest extinction is {:.3g} per unit of length, an optical depth of {:.3g} across the box; "
                       "expected at most {:.0e}, since tracking takes a step for each unit of it: lower the scale, or the "
                       "outliers of the grid",
-                      medium.maximum_sigma_t_ / inverse_scale, depth, kLargestDepth));
+                      medium.maximum_sigma_t_ / inverse_scale, depth, kMaxDepth));
   }
 
-  void set_emission_bricks() {
+  void set_emission_importance() {
     if (!medium.emits_) return;
-    medium.emission_bricks_ =
-        std::make_shared<const EmissionBricks>(std::move(finest_bounds), [this](DVec3 p) { return mean_channel(medium.at(p).emission); });
+    medium.emission_importance_ = std::make_shared<const EmissionImportance>(
+        std::move(finest_bounds), [this](DVec3 p) { return mean_channel(medium.at(p).emission); });
   }
 
   void operator()(const RgbGridMediumDescription& d) {
-    medium.kind_ = Kind::kRgbGrid;
+    auto& rgb = medium.kind_.emplace<RgbGrid>();
     medium.phase_ = checks.phase(d.phase);
     checks.coefficient(Rgb(d.scale), "scale");
     checks.coefficient(Rgb(d.emission_scale), "Lescale");
@@ -284,7 +285,6 @@ struct Medium::Builder {
     };
     const std::optional<RgbVolume> sigma_a = checked(d.sigma_a, "sigma_a"), sigma_s = checked(d.sigma_s, "sigma_s"),
                                    emission = checked(d.emission, "Le");
-    RgbGrids& rgb = medium.rgb_;
     rgb.absent = Rgb(scale);
     rgb.terms = terms;
     if (sigma_a) rgb.sigma_a.emplace(*sigma_a, render_from_medium, scale);
@@ -316,11 +316,11 @@ struct Medium::Builder {
       return static_cast<double>(scale) * grid_mean(size, shape.box(), [&](IVec3 v) { return mean_channel(volume->at(v.x, v.y, v.z)); });
     };
     medium.mean_sigma_t_ = (terms.absorption ? mean_of(sigma_a) : 0) + (terms.out_scattering ? mean_of(sigma_s) : 0);
-    set_emission_bricks();
+    set_emission_importance();
   }
 
   void operator()(const CloudMediumDescription& d) {
-    medium.kind_ = Kind::kGrid;
+    auto& filled = medium.kind_.emplace<Grid>();
     set_unit(d.sigma_a, d.sigma_s, d.phase);
     for (int i = 0; i < 3; ++i)
       if (!(d.p1[i] > d.p0[i])) checks.fail("the box p0 .. p1 of the cloud is empty");
@@ -331,7 +331,7 @@ struct Medium::Builder {
     grid.scale(max_component(whole), min_component(medium.unit_.sigma_t));
     set_majorants(std::move(grid));
     set_effects_of_unit(cloud.mean());
-    medium.density_ = cloud;
+    filled.density = cloud;
   }
 
   void operator()(const SumMediumDescription&) const { checks.fail("a sum is made of other media and cannot be compiled without them"); }

@@ -48,7 +48,7 @@ class PhaseMix {
   };
 
   explicit PhaseMix(const PhaseFunction& phase) : count_(1), phases_{&phase} {}
-  /// At most kMostSummedMedia, at least one, each with a σs that is not black.
+  /// At most kMaxSummedMedia, at least one, each with a σs that is not black.
   PhaseMix(std::span<const PhaseFunction* const> phases, std::span<const Rgb> sigma_s);
 
   /// Density per steradian and channel; directions as for `deflection`.
@@ -77,9 +77,9 @@ class PhaseMix {
   Sample sample_mixed(Vec3 wo, Vec2 u, float u_choice) const;
 
   int count_;
-  const PhaseFunction* phases_[kMostSummedMedia];
-  Rgb shares_[kMostSummedMedia];     ///< σs over the sum of σs, per channel; unset for one component, as the next
-  float choices_[kMostSummedMedia];  ///< probability of each component: its share of the mean σs
+  const PhaseFunction* phases_[kMaxSummedMedia];
+  Rgb shares_[kMaxSummedMedia];     ///< σs over the sum of σs, per channel; unset for one component, as the next
+  float choices_[kMaxSummedMedia];  ///< probability of each component: its share of the mean σs
 };
 
 }  // namespace woodcock

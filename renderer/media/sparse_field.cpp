@@ -19,7 +19,7 @@ using Tree = nanovdb::FloatTree;
 using Leaf = Tree::LeafNodeType;
 using Accessor = nanovdb::DefaultReadAccessor<float>;
 
-constexpr int64_t kMostNodes = 1 << 26;  // 256 MiB of table: a box of about 50 000³ voxels
+constexpr int64_t kMaxNodes = 1 << 26;  // 256 MiB of table: a box of about 50 000³ voxels
 
 nanovdb::Coord coord(IVec3 v) { return {v.x, v.y, v.z}; }
 int floor_to(int value, int step) { return value & ~(step - 1); }
@@ -129,7 +129,7 @@ SparseField::SparseField(const SparseGrid& grid, const DMat4& render_from_medium
     // Samples up to max + 1 are base corners of look-ups.
     node_size_[i] = (max[i] + 1 - origin[i]) / kNodeCells + 1;
     nodes *= node_size_[i];
-    if (nodes > kMostNodes) throw std::length_error("the box of active voxels is too large");
+    if (nodes > kMaxNodes) throw std::length_error("the box of active voxels is too large");
   }
   DMat4 index_from_cell{1};
   index_from_cell[3] = glm::dvec4(DVec3(origin) - 0.5, 1);

@@ -209,7 +209,7 @@ struct CloudMediumDescription {
   DVec3 p0{0}, p1{1};
 };
 /// Media that overlap, by index: coefficients and emission add, phase functions mix by σs. None is a sum itself.
-inline constexpr int kMostSummedMedia = 8;
+inline constexpr int kMaxSummedMedia = 8;
 struct SumMediumDescription {
   std::vector<int> media;
 };

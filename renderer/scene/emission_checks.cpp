@@ -36,7 +36,7 @@ void warn_dark(Parameters& parameters, const std::string& asked, const std::stri
   parameters.context().warn(parameters.place(asked), fmt::format("{} emits nothing: {}", parameters.directive(), why));
 }
 
-/// The hottest temperature in kelvin; nothing where it is not known.
+/// The max_temperature temperature in kelvin; nothing where it is not known.
 std::optional<float> hottest_of(const GridMediumDescription& medium) {
   const auto kelvin = [&](float value) { return (value - medium.temperature_offset) * medium.temperature_scale; };
   if (const auto* dense = std::get_if<DenseGrid<float>>(medium.temperature.get())) {
@@ -51,13 +51,13 @@ std::optional<float> hottest_of(const GridMediumDescription& medium) {
 }
 
 void check_temperature(Parameters& parameters, const GridMediumDescription& medium, const std::optional<std::string>& asked) {
-  const std::optional<float> hottest = hottest_of(medium);
-  if (!hottest) return;
+  const std::optional<float> max_temperature = hottest_of(medium);
+  if (!max_temperature) return;
   const std::string place = asked.value_or("filename");
-  const std::string numbers =
-      fmt::format("the hottest voxel of its temperatures is {:.6g} K (temperaturescale {:.6g}, temperatureoffset {:.6g})", *hottest,
-                  medium.temperature_scale, parameters.number("temperatureoffset", parameters.number("temperaturecutoff", 0)));
-  if (!(*hottest > medium.temperature_cutoff)) {
+  const std::string numbers = fmt::format(
+      "the max_temperature voxel of its temperatures is {:.6g} K (temperaturescale {:.6g}, temperatureoffset {:.6g})", *max_temperature,
+      medium.temperature_scale, parameters.number("temperatureoffset", parameters.number("temperaturecutoff", 0)));
+  if (!(*max_temperature > medium.temperature_cutoff)) {
     warn_dark(
         parameters, place,
         fmt::format("{}, and nothing at or below {:g} K emits; temperatures are in kelvin, \"float temperaturescale\" multiplies those of "
@@ -65,7 +65,7 @@ void check_temperature(Parameters& parameters, const GridMediumDescription& medi
                     numbers, medium.temperature_cutoff));
     return;
   }
-  const float emission = max_component(blackbody_emission(*hottest)) * max_component(medium.emission) * medium.emission_scale;
+  const float emission = max_component(blackbody_emission(*max_temperature)) * max_component(medium.emission) * medium.emission_scale;
   if (asked && emission < kFaintest)
     parameters.context().warn(parameters.place(place),
                               fmt::format("{} emits as good as nothing: {}, which emits {:.1g}; what is seen begins "

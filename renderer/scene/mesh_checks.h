@@ -12,11 +12,11 @@ namespace woodcock {
 /// Finite vertices of a size that float can square, and as many normals and uv as vertices (or none).
 template <typename Mesh>
 void check_vertices(const Mesh& mesh, const SourceLocation& where, const std::string& what) {
-  constexpr double kLargest = 1e18;
+  constexpr double kMax = 1e18;
   if (mesh.positions.empty()) throw SceneError(where, "found no vertices in " + what + ", expected at least three");
   for (size_t i = 0; i < mesh.positions.size(); ++i)
     for (int c = 0; c < 3; ++c)
-      if (!(std::abs(mesh.positions[i][c]) <= kLargest))
+      if (!(std::abs(mesh.positions[i][c]) <= kMax))
         throw SceneError(where, "found the coordinate " + std::to_string(mesh.positions[i][c]) + " in vertex " + std::to_string(i) +
                                     " of " + what + ", expected a finite number below 1e18");
   for (size_t i = 0; i < mesh.normals.size(); ++i)

@@ -118,9 +118,9 @@ ParameterEdits::ParameterEdits(const std::vector<std::string>& texts) {
     bytes += edit.text().size() + 2;
     edits_.push_back({edit, false});
   }
-  if (edits_.size() > kMostEdits || bytes > kMostEditText)
+  if (edits_.size() > kMaxEdits || bytes > kMaxEditText)
     throw std::invalid_argument(
-        fmt::format("set: found {} of {} bytes, expected at most {} of {} bytes", edits_.size(), bytes, kMostEdits, kMostEditText));
+        fmt::format("set: found {} of {} bytes, expected at most {} of {} bytes", edits_.size(), bytes, kMaxEdits, kMaxEditText));
   std::sort(edits_.begin(), edits_.end(), [](const Pending& a, const Pending& b) { return a.edit.text() < b.edit.text(); });
 }
 

@@ -21,9 +21,9 @@
 
 namespace woodcock {
 
-inline constexpr size_t kMostEdits = 32;
+inline constexpr size_t kMaxEdits = 32;
 /// Bytes of all of them in canonical form.
-inline constexpr size_t kMostEditText = 2000;
+inline constexpr size_t kMaxEditText = 2000;
 
 struct ParameterEdit {
   std::string object;     ///< "medium.smoke"

@@ -11,7 +11,7 @@ using Fault = std::optional<std::string>;
 
 struct Check {
   static Fault mean_cosine(float g, const char* name) {
-    if (std::abs(g) <= static_cast<float>(kLargestMeanCosine)) return std::nullopt;
+    if (std::abs(g) <= static_cast<float>(kMaxMeanCosine)) return std::nullopt;
     return fmt::format("{} = {}, expected a mean cosine from -0.9999 to 0.9999", name, g);
   }
   static Fault within(float value, double lowest, double highest, const char* name) {
@@ -29,9 +29,7 @@ struct Check {
     if (const Fault fault = mean_cosine(d.g, "g")) return fault;
     return within(d.alpha, 0, 1e6, "alpha");
   }
-  Fault operator()(const MieDescription& d) const {
-    return within(d.droplet_diameter, kSmallestDroplet, kLargestDroplet, "dropletdiameter");
-  }
+  Fault operator()(const MieDescription& d) const { return within(d.droplet_diameter, kMinDroplet, kMaxDroplet, "dropletdiameter"); }
   Fault operator()(const TabulatedPhaseDescription& d) const {
     if (d.angles.size() < 2 || d.angles.size() != d.values.size())
       return fmt::format("{} phaseangles and {} phasevalues, expected as many of one as of the other, and at least two", d.angles.size(),

@@ -9,9 +9,9 @@
 namespace woodcock {
 
 /// Beyond this |g| the peak cannot be told from a delta in float.
-inline constexpr double kLargestMeanCosine = 0.9999;
+inline constexpr double kMaxMeanCosine = 0.9999;
 /// Diameters in micrometres for which the fit to Mie scattering was made.
-inline constexpr double kSmallestDroplet = 5, kLargestDroplet = 50;
+inline constexpr double kMinDroplet = 5, kMaxDroplet = 50;
 
 /// What has no physical meaning in a description, and what was expected, to follow "found "; nothing if all is well.
 std::optional<std::string> phase_fault(const PhaseDescription& phase);

@@ -51,11 +51,11 @@ CoatDescription read_coat(Parameters& parameters, const std::string& prefix) {
   coat.max_depth = parameters.integer("maxdepth", 10, 0, 1 << 20);
   coat.samples = parameters.integer("nsamples", 1, 1, 1 << 20);
   // One evaluation of the model takes as many steps, and nothing can interrupt it.
-  constexpr int64_t kMostSteps = 1 << 20;
-  if (static_cast<int64_t>(coat.max_depth) * coat.samples > kMostSteps)
+  constexpr int64_t kMaxSteps = 1 << 20;
+  if (static_cast<int64_t>(coat.max_depth) * coat.samples > kMaxSteps)
     throw SceneError(parameters.place("nsamples"), "found maxdepth " + std::to_string(coat.max_depth) + " and nsamples " +
                                                        std::to_string(coat.samples) + ", expected a product of at most " +
-                                                       std::to_string(kMostSteps));
+                                                       std::to_string(kMaxSteps));
   return coat;
 }
 

@@ -193,9 +193,9 @@ CloudMediumDescription read_cloud(Parameters& parameters) {
 
 std::vector<std::string> read_summed(Parameters& parameters) {
   std::vector<std::string> names = parameters.strings("media");
-  if (names.size() < 2 || names.size() > static_cast<size_t>(kMostSummedMedia))
+  if (names.size() < 2 || names.size() > static_cast<size_t>(kMaxSummedMedia))
     throw SceneError(parameters.place("media"), "found " + std::to_string(names.size()) + " names of \"media\" for " +
-                                                    parameters.directive() + ", expected 2 to " + std::to_string(kMostSummedMedia));
+                                                    parameters.directive() + ", expected 2 to " + std::to_string(kMaxSummedMedia));
   return names;
 }
 

@@ -9,7 +9,7 @@ namespace woodcock {
 
 float read_asymmetry(Parameters& parameters, const std::string& name) {
   const double g = parameters.number(name, 0);
-  if (!(std::abs(g) <= kLargestMeanCosine))
+  if (!(std::abs(g) <= kMaxMeanCosine))
     throw SceneError(
         parameters.place(name),
         "found " + name + " = " + std::to_string(g) + " for " + parameters.directive() +
@@ -46,7 +46,7 @@ PhaseDescription read_phase(Parameters& parameters) {
     if (!parameters.has("dropletdiameter"))
       throw SceneError(parameters.place("phase"), "found the phase function \"mie\" without \"float dropletdiameter\" for " +
                                                       parameters.directive() + ", expected a diameter from 5 to 50 micrometres");
-    return MieDescription{static_cast<float>(parameters.number_within("dropletdiameter", 0, kSmallestDroplet, kLargestDroplet))};
+    return MieDescription{static_cast<float>(parameters.number_within("dropletdiameter", 0, kMinDroplet, kMaxDroplet))};
   }
   return read_table(parameters);
 }

@@ -5,8 +5,8 @@ namespace woodcock {
 namespace {
 /// Messages quote the file, and a hostile file may hold a name of a gigabyte.
 std::string bounded(const std::string& text) {
-  constexpr size_t kLongest = 4000;
-  return text.size() <= kLongest ? text : text.substr(0, kLongest) + " …";
+  constexpr size_t kMax = 4000;
+  return text.size() <= kMax ? text : text.substr(0, kMax) + " …";
 }
 /// What does not come from a file has no line.
 std::string place_of(const SourceLocation& where) {

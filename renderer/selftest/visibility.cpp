@@ -75,7 +75,7 @@ VisibilityCount compare_visibility(const std::string& text, double unit, DVec3 c
     const DVec3 to = light->p - from;
     const double distance = glm::length(to);
     const Shadow shadow =
-        trace_shadow(*world, {from, to / distance}, distance, kNone, light->target, random, {}, world->has_passable_surfaces, counters);
+        trace_shadow(*world, {from, to / distance}, distance, kNone, light->target, random, {}, world->has_transparent_surfaces, counters);
     ++count.compared;
     count.visible += expected == Seen::kYes ? 1 : 0;
     count.different += is_black(shadow.transmittance) == (expected == Seen::kYes) ? 1 : 0;

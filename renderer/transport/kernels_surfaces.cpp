@@ -4,6 +4,6 @@
 
 namespace woodcock {
 
-std::span<const Kernel> surface_kernels() { return kernel_group<kDiffuse, kAnySurface | kPassableSurfaces>(); }
+std::span<const Kernel> surface_kernels() { return kernel_group<kDiffuse, kAnySurface | kTransparentSurfaces>(); }
 
 }  // namespace woodcock

@@ -49,7 +49,7 @@ class LinePath : public PaperPath<LinePath> {
 
   FlightEnd cross_medium(const std::optional<Hit>& hit) {
     if (vertex_ != line_.vertex && !first_) line_ = begin(1);
-    return fly(hit, line_);
+    return sample_distance(hit, line_);
   }
 
  private:
@@ -67,19 +67,19 @@ class LinePath : public PaperPath<LinePath> {
     return hidden ? static_cast<double>(medium.maximum_sigma_t()) : 0;
   }
 
-  FlightEnd fly(const std::optional<Hit>& hit, LineRay& ray) {
+  FlightEnd sample_distance(const std::optional<Hit>& hit, LineRay& ray) {
     const Medium& medium = world_.media[medium_];
     const double z = hit ? hit->t : static_cast<double>(kInf);
     const bool scatters = medium.scatters() && may_scatter();
-    const std::optional<EndlessPart> endless = endless_part(medium, ray_, z);
-    if (endless && diverges(*endless, scatters)) return diverge();
+    const std::optional<UnboundedPart> unbounded = unbounded_part(medium, ray_, z);
+    if (unbounded && is_infinite(*unbounded, scatters)) return add_infinite_radiance();
     if (!medium.attenuates() && !medium.emits() && !scatters) return FlightEnd::kThrough;
     const double added = added_extinction(medium, scatters);
     const int h = ray.channel, n = ray.targets.left();
     const Rgb beta = beta_;
     // Where this channel is not dimmed for ever its depth grows no more, and at infinity other channels that are not remain, too.
-    const bool grows = !endless || endless->point.sigma_t[h] > 0 || added > 0;
-    RaySteps steps(sample_, medium, ray_, grows ? z : endless->from, plan_.paper.step, flight_.uniform());
+    const bool grows = !unbounded || unbounded->point.sigma_t[h] > 0 || added > 0;
+    RaySteps steps(sample_, medium, ray_, grows ? z : unbounded->from, plan_.paper.step, flight_.uniform());
     double marched = 0;  // ∫ κ from the segment's start in channel h, κ = σt + added
     while (steps.next()) {
       const double kappa = static_cast<double>(steps.point().sigma_t[h]) + added;
@@ -105,7 +105,7 @@ class LinePath : public PaperPath<LinePath> {
     if (sample_.stopped) return FlightEnd::kOver;
     // (n − inside)/n L₀, by the mixture of the channels' probabilities to get through.
     Rgb relative = relative_transmittance(steps.end_depth(), h);
-    if (!grows) relative *= Rgb(glm::equal(endless->point.sigma_t, Rgb(0)));
+    if (!grows) relative *= Rgb(glm::equal(unbounded->point.sigma_t, Rgb(0)));
     const DVec3 density = ray.share * DVec3(relative);
     const double mixture = density.x + density.y + density.z, left = static_cast<double>(ray.targets.left()) / n;
     ray.share = density / mixture;

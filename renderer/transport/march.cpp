@@ -34,13 +34,13 @@ class MarchedPath : public PaperPath<MarchedPath> {
     const Medium& medium = world_.media[medium_];
     const double z = hit ? hit->t : static_cast<double>(kInf);
     const bool scatters = medium.scatters() && may_scatter();
-    const std::optional<EndlessPart> endless = endless_part(medium, ray_, z);
-    if (endless && diverges(*endless, scatters)) return diverge();
+    const std::optional<UnboundedPart> unbounded = unbounded_part(medium, ray_, z);
+    if (unbounded && is_infinite(*unbounded, scatters)) return add_infinite_radiance();
     if (!medium.attenuates() && !medium.emits() && !scatters) return FlightEnd::kThrough;
-    // The channels that end a march by dying out: on an endless segment only those with extinction do.
+    // The channels that end a march by dying out: on an unbounded segment only those with extinction do.
     Rgb fading(1);
-    if (endless) fading = Rgb(glm::greaterThan(endless->point.sigma_t, Rgb(0)));
-    const double reach = endless && is_black(fading * beta_) ? endless->from : z;
+    if (unbounded) fading = Rgb(glm::greaterThan(unbounded->point.sigma_t, Rgb(0)));
+    const double reach = unbounded && is_black(fading * beta_) ? unbounded->from : z;
 
     RaySteps steps(sample_, medium, ray_, reach, plan_.paper.step, flight_.uniform());
     Choice choice;
@@ -49,7 +49,7 @@ class MarchedPath : public PaperPath<MarchedPath> {
     float boost = 1;  // 1/probability that the march came here
     bool lost = false;
     while (steps.next()) {
-      const bool may_end = !endless || steps.begin() >= endless->from;
+      const bool may_end = !unbounded || steps.begin() >= unbounded->from;
       if (may_end && static_cast<double>(boost) * static_cast<double>(max_component(fading * transmittance_of(steps.begin_depth()))) <
                          static_cast<double>(kTransmittanceRoulette)) {
         lost = !(flight_.uniform() < kRouletteSurvival);

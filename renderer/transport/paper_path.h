@@ -70,15 +70,15 @@ class PaperPath : public PathMachine<kAllEffects, Estimator> {
   }
 
   /// For sources that add up to no finite number: the sample becomes infinite, which is counted and reported.
-  FlightEnd diverge() {
+  FlightEnd add_infinite_radiance() {
     result_.radiance = Rgb(kInf);
     sample_.stopped = true;
     return FlightEnd::kOver;
   }
 
-  /// Whether the sources of an endless part add up to no finite number: in some channel there is a source and no extinction.
-  bool diverges(const EndlessPart& endless, bool scatters) const {
-    const MediumPoint& m = endless.point;
+  /// Whether the sources of an unbounded part add up to no finite number: in some channel there is a source and no extinction.
+  bool is_infinite(const UnboundedPart& unbounded, bool scatters) const {
+    const MediumPoint& m = unbounded.point;
     for (int c = 0; c < 3; ++c)
       if (beta_[c] > 0 && m.sigma_t[c] == 0 && (m.emission[c] > 0 || (scatters && m.sigma_s[c] > 0))) return true;
     return false;

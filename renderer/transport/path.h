@@ -25,7 +25,7 @@ struct PaperSettings {
   int branching = 1;   ///< directions at the first bounce
 };
 
-inline constexpr uint32_t kMostSplits = 8;  ///< a power of two
+inline constexpr uint32_t kMaxSplits = 8;  ///< a power of two
 
 /// What a user asks for; a RenderPlan (render_plan.h) is what becomes of it in a scene.
 struct PathSettings {
@@ -35,7 +35,7 @@ struct PathSettings {
   Features features;         ///< of the estimator `auto`
   bool full_kernel = false;  ///< run the kernel with every effect compiled in; the same bits
   /// Directions that a path takes at its first scattering that samples light (splitting.h finds how many are worth while); 1 to
-  /// kMostSplits.
+  /// kMaxSplits.
   uint32_t splits = 1;
   bool plan = true;  ///< off: the general algorithm, without what was found out about the scene
   PaperSettings paper;

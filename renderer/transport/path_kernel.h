@@ -137,7 +137,7 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   }
 
   FlightEnd cross_medium(const std::optional<Hit>& hit) {
-    const auto t = fly(hit ? hit->t : no_hit_until_);
+    const auto t = sample_distance(hit ? hit->t : no_hit_until_);
     if (ended_) return FlightEnd::kOver;
     note([&] { return SegmentEnds{t, beta_}; });
     if (!t) {
@@ -149,7 +149,7 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
 
   /// Flies through the current medium up to t_max: adds its emission, and returns the distance of a scattering, with
   /// the throughput updated, or nothing when the ray gets through.
-  std::optional<double> fly(double t_max) {
+  std::optional<double> sample_distance(double t_max) {
     const Medium& medium = world_.media[medium_];
     note([&] { return SegmentStarts{ray_.o, ray_.d, t_max, medium_, beta_}; });
     if (uses(kEquiangular)) {
@@ -158,9 +158,9 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
     }
     if (uses(kHomogeneousMedia) && medium.is_homogeneous() && (plan_.transmittance.closed_forms || !std::isfinite(t_max)) &&
         has_closed_forms(medium.homogeneous()))
-      return fly_homogeneous(medium.homogeneous(), is_chromatic(medium), t_max);
+      return sample_distance_homogeneous(medium.homogeneous(), is_chromatic(medium), t_max);
     if (uses(kHeterogeneousMedia) && !medium.parts().empty() && !medium.is_homogeneous()) {
-      if (const auto endless = endless_part(medium, ray_, t_max)) return fly_endless(medium, *endless);
+      if (const auto unbounded = unbounded_part(medium, ray_, t_max)) return sample_distance_unbounded(medium, *unbounded);
     }
     return track(medium, t_max);
   }
@@ -179,11 +179,11 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   }
 
   /// Closed forms. Emission of the whole segment: ∫₀ᵗ exp(−σt s) σa Le ds.
-  std::optional<double> fly_homogeneous(const MediumPoint& m, bool chromatic, double t_max);
+  std::optional<double> sample_distance_homogeneous(const MediumPoint& m, bool chromatic, double t_max);
 
   /// Through a sum without end: to the last of its grids by tracking, which would never end where a channel has no extinction,
   /// and from there on by closed forms.
-  std::optional<double> fly_endless(const Medium& medium, const EndlessPart& endless);
+  std::optional<double> sample_distance_unbounded(const Medium& medium, const UnboundedPart& unbounded);
 
   /// Unbiased ray marching may turn the sign of β: decisions go by its size.
   Rgb shares() const {
@@ -199,7 +199,7 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   }
 
   /// Sources that nothing dims, without end: they add up to no finite number, which is counted and reported.
-  std::optional<double> diverge() {
+  std::optional<double> add_infinite_radiance() {
     result_.radiance = Rgb(kInf);
     ended_ = true;
     return std::nullopt;
@@ -277,7 +277,7 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   /// 3.3). With p(w) the density of the path's own direction, both are divided by p(w) + probability · q(w): the balance heuristic.
   static constexpr float kBranchProbability = 0.15f;
   /// Per steradian: phase functions of a lower density straight ahead scatter too evenly for it.
-  static constexpr float kLeastForwardPeak = 0.3f;
+  static constexpr float kMinForwardPeak = 0.3f;
   static constexpr uint32_t kTowardsLightBranch = 1;
 
   /// The probability of a branch at a vertex in a medium; 0 where none is worth while.
@@ -298,7 +298,7 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
     note([&] { return SurfaceScatters{s.p, -ray_.d, s.ng, s.ns, s.dpdu, v.material}; });
     const Frame frame = uses(kGeneralSurfaces) ? shading_frame(v.ns, s.dpdu) : Frame::from_normal(v.ns);
     const Vec3 wo = frame.to_local(Vec3(-ray_.d));
-    if (aov_weight_ > 0) see_first(albedo(bsdf, wo), v.ns);
+    if (aov_weight_ > 0) record_first_hit(albedo(bsdf, wo), v.ns);
     if (!may_scatter()) return false;
     next_vertex();
     // The flight to an earlier scattering in a medium could not have made this vertex.
@@ -366,7 +366,7 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   }
 
   Shadow shadow(const Ray& ray, double distance, int medium, TargetPrimitive target, Stream& random) {
-    return trace_shadow(world_, ray, distance, medium, target, random, plan_.transmittance, uses(kPassableSurfaces), count_,
+    return trace_shadow(world_, ray, distance, medium, target, random, plan_.transmittance, uses(kTransparentSurfaces), count_,
                         uses(kTouching) && coincident_ ? &*coincident_ : nullptr);
   }
 
@@ -486,10 +486,10 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   /// two, three and all vertices: 1.49, 1.73, 1.75 and 1.43 of that without any).
   static constexpr uint32_t kEquiangularVertices = 3;
   /// A light that sees less of the way than this is far from all of it, and free flight does as well.
-  static constexpr double kLeastAngle = 0.8;
+  static constexpr double kMinAngle = 0.8;
 
   /// A segment of a medium, for the densities of what might have happened on it.
-  struct Flight {
+  struct FlightSegment {
     Ray ray;
     double t_max, t;  ///< its end and the distance of the scattering
     int medium;
@@ -515,7 +515,7 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   // --- bookkeeping ---------------------------------------------------------------------------------------
 
   /// The first event, for the AOVs.
-  void see_first(Rgb albedo, Vec3 normal) {
+  void record_first_hit(Rgb albedo, Vec3 normal) {
     aov_weight_ = 0;
     result_.albedo = albedo;
     result_.normal = normal;
@@ -536,8 +536,8 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
 
   Stream channel_, equiangular_;
   uint32_t directions_;  ///< that the path takes at its next scattering that samples light
-  Flight this_flight_;
-  std::optional<Flight> last_flight_;  ///< that led to the last vertex; nothing where that is no scattering in a medium
+  FlightSegment this_flight_;
+  std::optional<FlightSegment> last_flight_;  ///< that led to the last vertex; nothing where that is no scattering in a medium
   /// Of the last scattering: the point it happened at and the pdf of the direction, 0 where light sampling could not
   /// have given it (camera, specular).
   DVec3 reference_{0};

@@ -61,7 +61,7 @@ void PathKernel<kMask>::sample_emission(DVec3 reference, Evaluate&& evaluate) {
   const int chosen = world_.choose_emissive(random.uniform_double());
   const Medium& medium = world_.media[chosen];
   const float u_z = random.uniform();
-  const auto brick = medium.emission_bricks()->sample({u.x, u.y, u_z}, random.uniform_double());
+  const auto brick = medium.emission_importance()->sample({u.x, u.y, u_z}, random.uniform_double());
   DVec3 to = brick.p - reference;
   double distance = glm::length(to);
   if (!(distance > 0)) return;
@@ -139,7 +139,7 @@ void PathKernel<kMask>::sample_equiangular(const Medium& medium, double t_max) {
   const DVec3 position = world_.lights.position(choice->light);
   if (!is_near(medium, ray_.o, position)) return;
   const EquiangularDistances distances(ray_, position, t_max);
-  if (distances.angle() < kLeastAngle) return;
+  if (distances.angle() < kMinAngle) return;
   const double t = distances.sample(u_distance);
   const float pdf = distances.pdf(t);
   const DVec3 p = ray_.at(t);
@@ -189,13 +189,13 @@ float PathKernel<kMask>::flight_density(const Medium& medium, Rgb share, double 
 template <uint32_t kMask>
 float PathKernel<kMask>::equiangular_odds(int light) const {
   if (!uses(kEquiangular) || !last_flight_) return 0;
-  const Flight& flight = *last_flight_;
+  const FlightSegment& flight = *last_flight_;
   const float pmf = world_.lights.bounded_pmf(light);
   const Medium& medium = world_.media[flight.medium];
   const DVec3 position = world_.lights.position(light);
   if (!(pmf > 0) || !is_near(medium, flight.ray.o, position)) return 0;
   const EquiangularDistances distances(flight.ray, position, flight.t_max);
-  if (distances.angle() < kLeastAngle) return 0;
+  if (distances.angle() < kMinAngle) return 0;
   return pmf * distances.pdf(flight.t) / flight_density(medium, flight.share, flight.t);
 }
 

@@ -17,7 +17,7 @@ inline Rgb segment_emission(Rgb j, Rgb sigma, double t) {
 }
 
 template <uint32_t kMask>
-std::optional<double> PathKernel<kMask>::fly_homogeneous(const MediumPoint& m, bool chromatic, double t_max) {
+std::optional<double> PathKernel<kMask>::sample_distance_homogeneous(const MediumPoint& m, bool chromatic, double t_max) {
   if (uses(kVolumeEmission) && !is_black(m.emission)) {
     add(segment_emission(m.emission, m.sigma_t, t_max),
         [&] { return LightAdded{.technique = Technique::kSegment, .source = medium_, .length = t_max}; });
@@ -52,16 +52,16 @@ std::optional<double> PathKernel<kMask>::fly_homogeneous(const MediumPoint& m, b
 }
 
 template <uint32_t kMask>
-std::optional<double> PathKernel<kMask>::fly_endless(const Medium& medium, const EndlessPart& endless) {
-  if (const auto t = track(medium, endless.from); t || ended_) return t;
-  if (uses(kVolumeScattering) && may_scatter() && !has_closed_forms(endless.point)) return diverge();
+std::optional<double> PathKernel<kMask>::sample_distance_unbounded(const Medium& medium, const UnboundedPart& unbounded) {
+  if (const auto t = track(medium, unbounded.from); t || ended_) return t;
+  if (uses(kVolumeScattering) && may_scatter() && !has_closed_forms(unbounded.point)) return add_infinite_radiance();
   if (is_black(beta_)) {
     ended_ = true;
     return std::nullopt;
   }
-  const auto beyond = fly_homogeneous(endless.point, is_chromatic(medium), kInf);
+  const auto beyond = sample_distance_homogeneous(unbounded.point, is_chromatic(medium), kInf);
   if (!beyond) return std::nullopt;
-  return endless.from + *beyond;
+  return unbounded.from + *beyond;
 }
 
 template <uint32_t kMask>
@@ -73,7 +73,7 @@ std::optional<double> PathKernel<kMask>::track(const Medium& medium, double t_ma
     ended_ = is_black(beta_);
     return std::nullopt;
   }
-  if (!std::isfinite(t_max) && medium.is_homogeneous()) return diverge();
+  if (!std::isfinite(t_max) && medium.is_homogeneous()) return add_infinite_radiance();
   if (!emits && plan_.transmittance.grey && medium.is_achromatic()) return track_achromatic(medium, t_max);
   TentativeCollisions collisions(medium, ray_, t_max, flight_, plan_.transmittance.bricks, emits ? emission_rate(medium, t_max) : 0);
   // Where nothing scatters β only shrinks: once little is left of it roulette decides, as for shadow rays.
@@ -140,9 +140,9 @@ template <uint32_t kMask>
 void PathKernel<kMask>::add_volume_emission(const Medium& medium, Rgb radiance, DVec3 p) {
   if (is_black(radiance)) return;
   float mis = 1;
-  if (uses(kEmissionSampling) && direction_pdf_ > 0 && medium.emission_bricks() != nullptr) {
+  if (uses(kEmissionSampling) && direction_pdf_ > 0 && medium.emission_importance() != nullptr) {
     const float sampled =
-        world_.emissive_pmf(medium_) * medium.emission_bricks()->pdf(p) * static_cast<float>(length_squared(p - reference_));
+        world_.emissive_pmf(medium_) * medium.emission_importance()->pdf(p) * static_cast<float>(length_squared(p - reference_));
     mis = power_heuristic(direction_pdf_ * typical_rate(medium), sampled);
   }
   add(radiance * mis, [&] {
@@ -167,7 +167,7 @@ bool PathKernel<kMask>::scatter_in_medium(double t, DVec3 p) {
       last_flight_->t = t;
     }
   }
-  if (aov_weight_ > 0) see_first(albedo(medium.is_separable() ? medium.unit() : sample_.look_up(medium, p)), Vec3(0));
+  if (aov_weight_ > 0) record_first_hit(albedo(medium.is_separable() ? medium.unit() : sample_.look_up(medium, p)), Vec3(0));
   next_vertex();
   const PhaseMix phase = medium.phase_at(p);
   const Vec3 wo(-ray_.d);

@@ -22,9 +22,9 @@ bool is_found(DVec3 v, DVec3 center, double size) {
 }
 
 /// Whether something else may coincide with the surface at v.
-inline bool may_have_company(const SurfaceInfo& surface, DVec3 v) {
+inline bool may_overlap_at(const SurfaceInfo& surface, DVec3 v) {
   const Vec3 p(v);
-  return std::any_of(surface.contacts.begin(), surface.contacts.end(), [&](const Box3& box) {
+  return std::any_of(surface.overlaps.begin(), surface.overlaps.end(), [&](const Box3& box) {
     return glm::all(glm::lessThanEqual(box.lower, p)) && glm::all(glm::lessThanEqual(p, box.upper));
   });
 }
@@ -33,13 +33,13 @@ inline bool may_have_company(const SurfaceInfo& surface, DVec3 v) {
 /// there.
 template <uint32_t kMask>
 bool is_sampled(const SurfaceInfo& surface, const Sphere& sphere, const RefractedWay& way) {
-  return !may_have_company(surface, way.v) && is_found<kMask>(way.v, sphere.center, sphere.radius);
+  return !may_overlap_at(surface, way.v) && is_found<kMask>(way.v, sphere.center, sphere.radius);
 }
 
 template <uint32_t kMask>
 bool PathKernel<kMask>::is_alone(const MeshWay& found, DVec3 from) const {
   // Large meshes may touch themselves as far as contacts tell.
-  if (!may_have_company(world_.surfaces[static_cast<size_t>(found.hit.shape)], found.way.v)) return true;
+  if (!may_overlap_at(world_.surfaces[static_cast<size_t>(found.hit.shape)], found.way.v)) return true;
   Hit hit = found.hit;
   hit.t = glm::distance(found.way.v, from);
   std::array<CoincidentHit, 2> met;
@@ -135,7 +135,7 @@ void PathKernel<kMask>::add_refracted(const WayThrough& through, const Lights::C
   if (is_black(transmittance)) return;
   const int behind = world_.medium_after(through.surface, through.ng, way.wo, medium);
   transmittance *=
-      trace_shadow(world_, outside, *distance, behind, light.target, tracking, plan_.transmittance, uses(kPassableSurfaces), count_)
+      trace_shadow(world_, outside, *distance, behind, light.target, tracking, plan_.transmittance, uses(kTransparentSurfaces), count_)
           .transmittance;
   if (is_black(transmittance)) return;
   const float mis = power_heuristic(density, scattered.pdf);

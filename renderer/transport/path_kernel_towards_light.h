@@ -8,7 +8,7 @@ namespace woodcock {
 template <uint32_t kMask>
 float PathKernel<kMask>::branch_probability(const PhaseMix& phase) const {
   if (!plan_.towards_light || !light_direction_ || !may_scatter()) return 0;
-  return phase.pdf(-*light_direction_, *light_direction_) > kLeastForwardPeak ? kBranchProbability : 0;
+  return phase.pdf(-*light_direction_, *light_direction_) > kMinForwardPeak ? kBranchProbability : 0;
 }
 
 template <uint32_t kMask>
@@ -30,7 +30,7 @@ void PathKernel<kMask>::branch_towards_light(const PhaseMix& phase, Vec3 wo, DVe
   note([&] { return BranchStarts{sample.wi, beta_}; });
   ++count_.rays;
   const auto hit = find_hit();
-  const auto t = fly(hit ? hit->t : no_hit_until_);
+  const auto t = sample_distance(hit ? hit->t : no_hit_until_);
   if (!ended_) note([&] { return SegmentEnds{t, beta_}; });
   if (t && !ended_) {
     const DVec3 at = point_before(world_, ray_, *t, hit, uses(kTouching));

@@ -101,7 +101,7 @@ class PathMachine {
 
   static constexpr uint32_t kMedia = kHomogeneousMedia | kHeterogeneousMedia;
   /// Surfaces that something may pass; coincident hits matter only for these.
-  static constexpr uint32_t kTouching = kPassableSurfaces | kGeneralSurfaces;
+  static constexpr uint32_t kTouching = kTransparentSurfaces | kGeneralSurfaces;
 
   /// Whether any of these effects is compiled in and planned.
   bool uses(uint32_t effects) const { return (kMask & effects) != 0 && (effects_ & effects) != 0; }
@@ -209,7 +209,7 @@ class PathMachine {
   bool meet_surface(const Hit& hit, const SurfacePoint& s, int index) {
     const SurfaceInfo& info = world_.surfaces[static_cast<size_t>(hit.shape)];
     const TextureContext context{s.uv, s.p};
-    if (uses(kPassableSurfaces) && info.has_alpha && crossing_.uniform() >= world_.textures.eval(info.alpha, context))
+    if (uses(kTransparentSurfaces) && info.has_alpha && crossing_.uniform() >= world_.textures.eval(info.alpha, context))
       return pass(s, index);
     if (info.light != kNone) estimator().add_emission(hit, s, info.light);
     if (uses(kSurfaces) && !info.is_interface) {

@@ -8,11 +8,11 @@ namespace {
 /// The order of the series: 0 nine times in ten, since the combs are fine enough for the rest to be small; else at least 2,
 /// and each further one with probability 2/k (Bhanot & Kennedy 1985; the shares are those of the paper's section 5).
 constexpr double kOrderZero = 0.9;
-constexpr int kSureOrder = 2, kMostOrder = 20;
+constexpr int kSureOrder = 2, kMaxOrder = 20;
 
 struct Order {
   int order = 0;
-  std::array<double, kMostOrder + 1> weight{1};
+  std::array<double, kMaxOrder + 1> weight{1};
 };
 
 Order draw_order(Stream& random) {
@@ -23,7 +23,7 @@ Order draw_order(Stream& random) {
     if (k > kSureOrder) {
       // Order 20 is passed once in 1e12 and its term is below 1e-18 of the whole; the series ends there.
       const double next = static_cast<double>(kSureOrder) / k;
-      if (k > kMostOrder || random.uniform_double() >= next) return result;
+      if (k > kMaxOrder || random.uniform_double() >= next) return result;
       probability *= next;
     }
     result.order = k;
@@ -51,9 +51,9 @@ DVec3 comb(const Medium& medium, const Ray& ray, const MarchedSegments& segments
 }
 
 /// Σ_k w_k m_k(x)/k! of the n = order numbers x, per channel by the caller.
-double series(const std::array<double, kMostOrder>& x, const Order& order) {
+double series(const std::array<double, kMaxOrder>& x, const Order& order) {
   // Elementary symmetric polynomials, one number after the other.
-  std::array<double, kMostOrder + 1> e{1};
+  std::array<double, kMaxOrder + 1> e{1};
   for (int i = 0; i < order.order; ++i)
     for (int k = i + 1; k >= 1; --k) e[static_cast<size_t>(k)] += e[static_cast<size_t>(k - 1)] * x[static_cast<size_t>(i)];
   double sum = 0, binomial = 1, factorial = 1;
@@ -70,7 +70,7 @@ double series(const std::array<double, kMostOrder>& x, const Order& order) {
 }  // namespace
 
 MarchedSegments::MarchedSegments(const Medium& medium, const Ray& ray, double t_max, bool bricks) {
-  MajorantWalk walk(medium, ray, t_max, bricks);
+  MajorantIterator walk(medium, ray, t_max, bricks);
   while (const auto segment = walk.next()) {
     const double length = segment->t1 - segment->t0;
     lower_depth_ += static_cast<double>(segment->lower) * length;
@@ -90,7 +90,7 @@ Rgb march_transmittance(const Medium& medium, const Ray& ray, const MarchedSegme
                         uint64_t& look_ups) {
   const int points = comb_points(segments.depth());
   const Order order = draw_order(random);
-  std::array<DVec3, kMostOrder + 1> x;
+  std::array<DVec3, kMaxOrder + 1> x;
   for (int i = 0; i <= order.order; ++i) {
     x[static_cast<size_t>(i)] = comb(medium, ray, segments, points, grey, random.uniform_double());
     look_ups += static_cast<uint64_t>(points);
@@ -100,7 +100,7 @@ Rgb march_transmittance(const Medium& medium, const Ray& ray, const MarchedSegme
     double sum = 0;
     for (int pivot = 0; pivot <= order.order; ++pivot) {
       const double at = x[static_cast<size_t>(pivot)][c];
-      std::array<double, kMostOrder> others{};
+      std::array<double, kMaxOrder> others{};
       int n = 0;
       for (int j = 0; j <= order.order; ++j)
         if (j != pivot) others[static_cast<size_t>(n++)] = x[static_cast<size_t>(j)][c] - at;

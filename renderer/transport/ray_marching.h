@@ -4,6 +4,7 @@
 #include <array>
 
 #include "renderer/core/random.h"
+#include "renderer/media/majorant_iterator.h"
 #include "renderer/media/medium.h"
 
 namespace woodcock {

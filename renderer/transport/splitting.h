@@ -11,7 +11,7 @@
 
 namespace woodcock {
 
-/// The number of directions, a power of two up to kMostSplits, for a frame of width × height pixels. A function of the scene and of
+/// The number of directions, a power of two up to kMaxSplits, for a frame of width × height pixels. A function of the scene and of
 /// settings other than the seed: every program that renders the frame finds the same. Takes 0.1 to 0.3 s.
 uint32_t find_splits(const World& world, const PathSettings& settings, int width, int height);
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "renderer/core/random.h"
+#include "renderer/media/majorant_iterator.h"
 #include "renderer/media/medium.h"
 
 namespace woodcock {
@@ -29,7 +30,7 @@ class TentativeCollisions {
   bool next() {
     double depth = random_.exponential();
     while (inside_ || enter_next()) {
-      // In double, so that a step far smaller than t still moves. A rate of zero may meet an endless segment.
+      // In double, so that a step far smaller than t still moves. A rate of zero may meet an unbounded segment.
       const double to_end = rate_ > 0 ? (segment_.t1 - t_) * static_cast<double>(rate_) : 0;
       if (depth < to_end) {
         t_ += depth / static_cast<double>(rate_);
@@ -79,7 +80,7 @@ class TentativeCollisions {
     return true;
   }
 
-  MajorantWalk walk_;
+  MajorantIterator walk_;
   Stream& random_;
   float least_rate_;
   Collide collide_;

@@ -19,7 +19,7 @@ const SurfaceInfo& surface_of(const World& world, int shape) { return world.surf
 /// Passes a surface in direction w, which may change the medium. False where it is in the way.
 bool pass_surface(const World& world, const Hit& hit, const SurfacePoint& s, DVec3 w, int& medium, Stream& random) {
   const SurfaceInfo& info = surface_of(world, hit.shape);
-  if (!info.passes_shadows) return false;
+  if (!info.transparent_to_shadows) return false;
   const TextureContext context{s.uv, s.p};
   if (info.has_alpha && random.uniform() >= world.textures.eval(info.alpha, context)) return true;
   // A mix may choose its interface here.
@@ -50,12 +50,12 @@ Rgb attenuation(Rgb sigma, double t) {
 
 Rgb estimate_transmittance(const Medium& medium, const Ray& ray, double t_max, Stream& random, PathCounters& count,
                            const TransmittanceOptions& options) {
-  // An endless way is left to the closed form: where a channel has no extinction a tracking would never end.
+  // An unbounded way is left to the closed form: where a channel has no extinction a tracking would never end.
   if (medium.is_homogeneous() && (options.closed_forms || !std::isfinite(t_max))) return attenuation(medium.homogeneous().sigma_t, t_max);
-  if (const auto endless = endless_part(medium, ray, t_max)) {
-    const Rgb beyond = attenuation(endless->point.sigma_t, kInf);
+  if (const auto unbounded = unbounded_part(medium, ray, t_max)) {
+    const Rgb beyond = attenuation(unbounded->point.sigma_t, kInf);
     if (is_black(beyond)) return beyond;
-    return beyond * estimate_transmittance(medium, ray, endless->from, random, count, options);
+    return beyond * estimate_transmittance(medium, ray, unbounded->from, random, count, options);
   }
   const bool grey = options.grey && medium.is_grey();
   if (options.ray_marching && !medium.scatters()) {
@@ -89,7 +89,7 @@ Rgb estimate_transmittance(const Medium& medium, const Ray& ray, double t_max, S
 }
 
 Shadow trace_shadow(const World& world, Ray ray, double t_max, int medium, TargetPrimitive target, Stream& random,
-                    const TransmittanceOptions& options, bool passable_surfaces, PathCounters& count, const CoincidentHits* from) {
+                    const TransmittanceOptions& options, bool transparent_surfaces, PathCounters& count, const CoincidentHits* from) {
   ++count.shadow_rays;
   const auto through_medium = [&](Rgb estimate, double length) {
     if (medium == kNone) return estimate;
@@ -101,7 +101,7 @@ Shadow trace_shadow(const World& world, Ray ray, double t_max, int medium, Targe
     medium = coincident.medium_behind(world, ray, medium);
   }
   // Any surface is in the way, unless it lets light pass or may coincide with the light.
-  if (!passable_surfaces && (target.shape == kNone || !surface_of(world, target.shape).may_overlap())) {
+  if (!transparent_surfaces && (target.shape == kNone || !surface_of(world, target.shape).may_overlap())) {
     if (world.geometry.occluded(ray, t_max, target)) return {};
     return {through_medium(Rgb(1), t_max), medium};
   }
@@ -112,7 +112,7 @@ Shadow trace_shadow(const World& world, Ray ray, double t_max, int medium, Targe
     if (!hit) return {through_medium(estimate, left), medium};
     const auto is_end = [&](const Hit& h) { return world.geometry.is_target(h, ray, target); };
     const SurfaceInfo& info = surface_of(world, hit->shape);
-    if (!info.passes_shadows && !info.may_overlap() && !is_end(*hit)) return {};
+    if (!info.transparent_to_shadows && !info.may_overlap() && !is_end(*hit)) return {};
     const SurfacePoint s = world.geometry.surface(*hit, ray, Geometry::Tangents::kNotWanted);
     int behind = medium;
     Ray next;

@@ -51,6 +51,7 @@ struct Shadow {
 /// of the light included. `from` is the place that the ray starts at, if surfaces coincide
 /// there; ray.o lies beyond all of them.
 Shadow trace_shadow(const World& world, Ray ray, double t_max, int medium, TargetPrimitive target, Stream& random,
-                    const TransmittanceOptions& options, bool passable_surfaces, PathCounters& count, const CoincidentHits* from = nullptr);
+                    const TransmittanceOptions& options, bool transparent_surfaces, PathCounters& count,
+                    const CoincidentHits* from = nullptr);
 
 }  // namespace woodcock

@@ -28,13 +28,13 @@ class UniformPath : public PaperPath<UniformPath> {
   FlightEnd cross_medium(const std::optional<Hit>& hit) {
     const Medium& medium = world_.media[medium_];
     const double z = hit ? hit->t : static_cast<double>(kInf);
-    const std::optional<EndlessPart> endless = endless_part(medium, ray_, z);
-    if (endless && diverges(*endless, false)) return diverge();
+    const std::optional<UnboundedPart> unbounded = unbounded_part(medium, ray_, z);
+    if (unbounded && is_infinite(*unbounded, false)) return add_infinite_radiance();
     if (medium.is_homogeneous()) {
       const MediumPoint& m = medium.homogeneous();
       if (medium.emits()) add(gathered(m.emission, m.sigma_t, z));
       beta_ *= attenuation(m.sigma_t, z);
-    } else if (const double reach = endless ? endless->from : z; medium.emits()) {
+    } else if (const double reach = unbounded ? unbounded->from : z; medium.emits()) {
       TentativeCollisions collisions(medium, ray_, reach, flight_);
       while (collisions.next() && !sample_.stopped) {
         const MediumPoint m = sample_.look_up(medium, ray_.at(collisions.t()));
@@ -44,9 +44,9 @@ class UniformPath : public PaperPath<UniformPath> {
     } else if (medium.attenuates()) {
       beta_ *= estimate_transmittance(medium, ray_, reach, flight_, count_);
     }
-    if (endless && !medium.is_homogeneous()) {
-      add(gathered(endless->point.emission, endless->point.sigma_t, static_cast<double>(kInf)));
-      beta_ *= attenuation(endless->point.sigma_t, static_cast<double>(kInf));
+    if (unbounded && !medium.is_homogeneous()) {
+      add(gathered(unbounded->point.emission, unbounded->point.sigma_t, static_cast<double>(kInf)));
+      beta_ *= attenuation(unbounded->point.sigma_t, static_cast<double>(kInf));
     }
     return is_black(beta_) ? FlightEnd::kOver : FlightEnd::kThrough;
   }

@@ -23,8 +23,8 @@ class WoodcockPath : public PaperPath<WoodcockPath> {
     const Medium& medium = world_.media[medium_];
     const double z = hit ? hit->t : static_cast<double>(kInf);
     const bool scatters = medium.scatters() && may_scatter();
-    const std::optional<EndlessPart> endless = endless_part(medium, ray_, z);
-    if (endless && diverges(*endless, scatters)) return diverge();
+    const std::optional<UnboundedPart> unbounded = unbounded_part(medium, ray_, z);
+    if (unbounded && is_infinite(*unbounded, scatters)) return add_infinite_radiance();
     const float majorant = medium.maximum_sigma_t();
     if (!(majorant > 0)) return FlightEnd::kThrough;
     const Extent extent = extent_of(medium, ray_, z);
@@ -33,14 +33,14 @@ class WoodcockPath : public PaperPath<WoodcockPath> {
       if (!(t < extent.end)) return FlightEnd::kThrough;
       const MediumPoint m = sample_.look_up(medium, ray_.at(t));
       if (sample_.stopped) return FlightEnd::kOver;
-      if (endless && t >= endless->from) keep_one_group(*endless);
+      if (unbounded && t >= unbounded->from) keep_one_group(*unbounded);
       const Rgb sigma_s = scatters ? m.sigma_s : Rgb(0), kappa = glm::max(m.sigma_t, sigma_s);
       const Rgb sigma_n = null_extinction(majorant, m.sigma_t, count_);
       const float real = glm::dot(beta_, kappa), all = glm::dot(beta_, kappa + sigma_n);
       if (!(all > 0)) return FlightEnd::kOver;
       if (!(real > 0)) {
         // Nothing dims the ray here. Emission without extinction is gathered at every tentative collision.
-        if ((medium.is_homogeneous() || (endless && t >= endless->from)) && is_black(m.emission)) return FlightEnd::kThrough;
+        if ((medium.is_homogeneous() || (unbounded && t >= unbounded->from)) && is_black(m.emission)) return FlightEnd::kThrough;
         add(m.emission / majorant);
         beta_ *= sigma_n / majorant;
         continue;
@@ -62,10 +62,10 @@ class WoodcockPath : public PaperPath<WoodcockPath> {
   }
 
  private:
-  /// In an endless part some channels may be dimmed for ever and others not at all, and tracking both would never end: the weight
+  /// In an unbounded part some channels may be dimmed for ever and others not at all, and tracking both would never end: the weight
   /// of the first would only shrink. One of the two groups is kept, chosen by its share of the throughput.
-  void keep_one_group(const EndlessPart& endless) {
-    const Rgb fading(glm::greaterThan(endless.point.sigma_t, Rgb(0)));
+  void keep_one_group(const UnboundedPart& unbounded) {
+    const Rgb fading(glm::greaterThan(unbounded.point.sigma_t, Rgb(0)));
     const float dimmed = glm::dot(beta_, fading), all = beta_.r + beta_.g + beta_.b;
     if (!(dimmed > 0 && dimmed < all)) return;
     const float share = dimmed / all;

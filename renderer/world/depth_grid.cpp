@@ -41,7 +41,7 @@ bool DepthGrid::may_meet(const MeshFacet& f, IVec3 c) const {
 }
 
 std::vector<char> DepthGrid::find_outside(std::span<const MeshFacet> facets, float far) const {
-  constexpr int kMostRooms = 16;
+  constexpr int kMaxRooms = 16;
   std::vector<char> outside(depth_.size(), 1);
   std::vector<bool> seen(depth_.size());
   std::vector<IVec3> room;
@@ -57,7 +57,7 @@ std::vector<char> DepthGrid::find_outside(std::span<const MeshFacet> facets, flo
       for (int x = 0; x < size_.x; ++x) {
         room.clear();
         visit({x, y, z});
-        if (room.empty() || ++rooms > kMostRooms) continue;
+        if (room.empty() || ++rooms > kMaxRooms) continue;
         for (size_t i = 0; i < room.size(); ++i)
           for (int axis = 0; axis < 3; ++axis)
             for (const int step : {-1, 1}) {

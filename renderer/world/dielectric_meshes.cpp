@@ -103,10 +103,10 @@ void DielectricMeshes::Facets::add_flat(const MeshFacet& facet, double eta, DVec
 
 /// All flat facets around one, as far as the ways through their planes pass near by them.
 void DielectricMeshes::Facets::search_around(const WalkEnd& near, double eta, DVec3 x, DVec3 y, MeshWays& found) const {
-  constexpr size_t kMost = 48;
+  constexpr size_t kMax = 48;
   constexpr double kReach = 0.5;
   const double cosine = eta > 1 ? near.way.cos_t : near.way.cos_i, sine = std::sqrt(std::max(0.0, (1 - cosine) * (1 + cosine)));
-  std::array<uint32_t, kMost> queue{near.place.facet};
+  std::array<uint32_t, kMax> queue{near.place.facet};
   size_t count = 1;
   for (size_t i = 0; i < count; ++i) {
     const MeshFacet& f = all[queue[i]];
@@ -116,8 +116,8 @@ void DielectricMeshes::Facets::search_around(const WalkEnd& near, double eta, DV
     if (i > 0 && !(plane && std::min({plane->b.x, plane->b.y, 1 - plane->b.x - plane->b.y}) > -kReach)) continue;
     for (const uint32_t corner : f.corners)
       for (uint32_t k = corner; around[k] != kLast; ++k)
-        if (count < kMost && std::find(queue.begin(), queue.begin() + static_cast<ptrdiff_t>(count), around[k]) ==
-                                 queue.begin() + static_cast<ptrdiff_t>(count))
+        if (count < kMax && std::find(queue.begin(), queue.begin() + static_cast<ptrdiff_t>(count), around[k]) ==
+                                queue.begin() + static_cast<ptrdiff_t>(count))
           queue[count++] = around[k];
   }
 }
@@ -128,7 +128,7 @@ MeshWays DielectricMeshes::ways(const Exit& exit, DVec3 x, DVec3 y) const {
   const double eta = static_cast<double>(exit.body->eta);
   const auto [first, count] = facets_->range[static_cast<size_t>(body)];
   const auto& all = facets_->all;
-  const bool is_small = count <= kMostSearched;
+  const bool is_small = count <= kMaxSearched;
   if (is_small)
     for (uint32_t i = first; i < first + count; ++i)
       if (all[i].is_flat) facets_->add_flat(all[i], eta, x, y, found);

@@ -72,10 +72,10 @@ class DielectricMeshes {
   std::optional<Exit> exit_towards(DVec3 from, DVec3 d, double distance) const;
 
   /// Ways by one refraction from x to y, whose straight way leaves by `exit`: a function of x and y alone. For bodies of no more than
-  /// kMostSearched triangles without vertex normals of their own all that are not too long.
+  /// kMaxSearched triangles without vertex normals of their own all that are not too long.
   MeshWays ways(const Exit& exit, DVec3 x, DVec3 y) const;
 
-  static constexpr uint32_t kMostSearched = 32;
+  static constexpr uint32_t kMaxSearched = 32;
 
  private:
   struct Facets;

@@ -55,12 +55,12 @@ class Planner {
     medium(kVolumeScattering, "volume scattering", "scatters", [](const Medium& m) { return m.scatters(); });
     medium(kVolumeEmission, "volume emission", "emits", [](const Medium& m) { return m.emits(); });
     medium(kChromaticExtinction, "chromatic extinction", "attenuates channels differently", [](const Medium& m) { return !m.is_grey(); });
-    surface(kPassableSurfaces, "index-matched interfaces", "is a boundary without a surface",
+    surface(kTransparentSurfaces, "index-matched interfaces", "is a boundary without a surface",
             [&](const ShapeDescription& s) { return is_interface(s); });
     surface(kSurfaces, "surfaces", "has a material", [&](const ShapeDescription& s) { return !is_interface(s); });
     surface(kGeneralSurfaces, "surfaces other than diffuse", "has a material that is not plain diffuse",
             [&](const ShapeDescription& s) { return !is_interface(s) && !is_plain_diffuse(s); });
-    surface(kPassableSurfaces, "partial opacity", "has an alpha below one or mixes an interface in", [&](const ShapeDescription& s) {
+    surface(kTransparentSurfaces, "partial opacity", "has an alpha below one or mixes an interface in", [&](const ShapeDescription& s) {
       return s.alpha.texture != kNone || s.alpha.value < 1 ||
              (!is_interface(s) && std::holds_alternative<MixDescription>(scene_.materials[static_cast<size_t>(s.material)].kind));
     });
@@ -133,14 +133,14 @@ class Planner {
   /// Worth a shadow ray at every vertex only where the emission lights what is seen: in a fire on a dark ground (92 %) it was measured to
   /// gain a quarter at equal time, beside brighter lights (6 %) to lose a third.
   void emission_sampling() {
-    constexpr double kLeastShare = 0.2;
+    constexpr double kMinShare = 0.2;
     const std::string name = "emissive bricks as lights";
     if (world_.emissive_media.empty()) return add(kEmissionSampling, name, false, "no medium that a ray can reach is a grid that emits");
     const auto& emitting = scene_.media[static_cast<size_t>(world_.emissive_media.front())];
     const double share = emission_share(world_, scene_.film);
     const std::string part = "the emission of \"" + emitting.name + "\" gives " + std::to_string(std::lround(100 * share)) +
                              " % of the light that arrives at what the camera sees";
-    add(kEmissionSampling, name, share >= kLeastShare, part, emitting.where);
+    add(kEmissionSampling, name, share >= kMinShare, part, emitting.where);
   }
 
   void refracted_light() {

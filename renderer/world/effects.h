@@ -14,7 +14,7 @@ enum Effect : uint32_t {
   kVolumeScattering = 1u << 2,     ///< some medium scatters
   kVolumeEmission = 1u << 3,       ///< some medium emits
   kChromaticExtinction = 1u << 4,  ///< the extinction of some medium differs between channels
-  kPassableSurfaces = 1u << 5,     ///< interfaces, partial opacity: shadow rays may have to go on
+  kTransparentSurfaces = 1u << 5,  ///< interfaces, partial opacity: shadow rays may have to go on
   kSurfaces = 1u << 6,             ///< some shape has a material
   kGeneralSurfaces = 1u << 7,      ///< ... that is not plain diffuse
   kLightSampling = 1u << 8,        ///< some light can be sampled from a point
@@ -28,7 +28,7 @@ inline constexpr std::array<std::pair<Effect, const char*>, 12> kEffectNames{{{k
                                                                               {kVolumeScattering, "volume scattering"},
                                                                               {kVolumeEmission, "volume emission"},
                                                                               {kChromaticExtinction, "chromatic extinction"},
-                                                                              {kPassableSurfaces, "passable surfaces"},
+                                                                              {kTransparentSurfaces, "transparent surfaces"},
                                                                               {kSurfaces, "surfaces"},
                                                                               {kGeneralSurfaces, "surfaces other than diffuse"},
                                                                               {kLightSampling, "light sampling"},

@@ -11,7 +11,7 @@ namespace woodcock {
 namespace {
 
 constexpr int kRays = 32;  // each way across the picture
-constexpr int kMostCrossings = 8;
+constexpr int kMaxCrossings = 8;
 constexpr int kSteps = 8;  // of the way out of the medium
 
 /// A place that light may arrive at; all directions count alike where there is no normal.
@@ -25,7 +25,7 @@ struct Place {
 template <typename Use>
 void for_each_place(const World& world, Ray ray, Use&& use) {
   int medium = world.camera_medium;
-  for (int crossing = 0; crossing < kMostCrossings; ++crossing) {
+  for (int crossing = 0; crossing < kMaxCrossings; ++crossing) {
     const auto hit = world.geometry.intersect(ray, kInf);
     if (!hit) return;
     if (medium != kNone && world.media[medium].scatters()) use(Place{ray.at(hit->t / 2), std::nullopt});
@@ -63,7 +63,7 @@ double sample_emission(const World& world, const Place& place, Stream& random) {
   const Medium& medium = world.media[chosen];
   const Vec2 u = random.uniform2();
   const float u_z = random.uniform();
-  const auto brick = medium.emission_bricks()->sample({u.x, u.y, u_z}, random.uniform_double());
+  const auto brick = medium.emission_importance()->sample({u.x, u.y, u_z}, random.uniform_double());
   const DVec3 to = brick.p - place.p;
   const double distance = glm::length(to);
   if (!(distance > 0)) return 0;

@@ -8,7 +8,7 @@
 namespace woodcock {
 
 float smooth_glass_index(const SceneDescription& scene, const SurfaceInfo& info) {
-  if (info.material == kNone || info.is_interface || info.passes_shadows || info.light != kNone) return 1;
+  if (info.material == kNone || info.is_interface || info.transparent_to_shadows || info.light != kNone) return 1;
   const MaterialDescription& m = scene.materials[static_cast<size_t>(info.material)];
   const auto* glass = std::get_if<DielectricDescription>(&m.kind);
   if (glass == nullptr || m.normal_map != kNone || m.displacement != kNone) return 1;

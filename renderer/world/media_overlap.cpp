@@ -21,7 +21,7 @@ constexpr std::array<Vec3, 3> kDirections{{{0.291f, 0.815f, 0.501f}, {-0.755f, 0
 
 bool lets_nothing_through(const SurfaceInfo& s) { return !s.is_interface && s.is_opaque && !s.has_alpha; }
 
-bool is_passable_boundary(const SurfaceInfo& s) { return s.is_boundary && !s.is_absent() && !lets_nothing_through(s); }
+bool is_boundary_that_light_passes(const SurfaceInfo& s) { return s.is_boundary && !s.is_absent() && !lets_nothing_through(s); }
 
 /// The shape of a description behind each shape of the geometry.
 std::vector<const ShapeDescription*> descriptions_of(const SceneDescription& scene) {
@@ -112,14 +112,14 @@ Crossings crossings_along(const World& world, Ray ray) {
       ray = ray_from(s, ray.d, ray.time);
       continue;
     }
-    CoincidentHits junction(world, ray, *hit);
-    int medium = crossings.empty() ? junction.medium_before().value_or(kNone) : crossings.back().far;
-    for (int member = junction.next(ray.d, medium); member != kNone; member = junction.next(ray.d, medium)) {
-      if (!cross(junction[member].hit, junction[member].outside)) return result;
+    CoincidentHits coincident(world, ray, *hit);
+    int medium = crossings.empty() ? coincident.medium_before().value_or(kNone) : crossings.back().far;
+    for (int member = coincident.next(ray.d, medium); member != kNone; member = coincident.next(ray.d, medium)) {
+      if (!cross(coincident[member].hit, coincident[member].outside)) return result;
       if (!crossings.empty()) medium = crossings.back().far;
-      junction.leave(member, ray.d);
+      coincident.leave(member, ray.d);
     }
-    ray = junction.ray_from(s.p, ray.d, ray.time);
+    ray = coincident.ray_from(s.p, ray.d, ray.time);
   }
   return result;
 }
@@ -127,7 +127,7 @@ Crossings crossings_along(const World& world, Ray ray) {
 std::string note_on_overlap(const SceneDescription& scene, const World& world) {
   std::vector<PlacedShape> placed;
   for (const PlacedShape& p : world.geometry.placed_shapes())
-    if (is_passable_boundary(world.surfaces[static_cast<size_t>(p.shape)])) placed.push_back(p);
+    if (is_boundary_that_light_passes(world.surfaces[static_cast<size_t>(p.shape)])) placed.push_back(p);
   if (placed.empty() || placed.size() > kMaxBoundaries) return "";
   std::sort(placed.begin(), placed.end(), [](const PlacedShape& a, const PlacedShape& b) {
     return std::tie(a.bounds.lower.x, a.shape) < std::tie(b.bounds.lower.x, b.shape);

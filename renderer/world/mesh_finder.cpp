@@ -17,7 +17,7 @@ namespace {
 constexpr double kFreePaths = 5;
 
 /// More triangles than this in shapes that are alike are left to chance: they would be kept twice.
-constexpr size_t kMostTriangles = size_t{1} << 21;
+constexpr size_t kMaxTriangles = size_t{1} << 21;
 
 bool is_apart(const Box3& a, DVec3 lower, DVec3 upper) {
   const double margin = 1e-6 * glm::length(upper - lower);
@@ -26,8 +26,8 @@ bool is_apart(const Box3& a, DVec3 lower, DVec3 upper) {
 
 /// Whether no corner lies before the plane of a facet. Large bodies are not asked.
 bool is_convex(std::span<const MeshFacet> facets, double size) {
-  constexpr size_t kMost = 4096;
-  if (facets.size() > kMost) return false;
+  constexpr size_t kMax = 4096;
+  if (facets.size() > kMax) return false;
   return std::all_of(facets.begin(), facets.end(), [&](const MeshFacet& f) {
     return std::all_of(facets.begin(), facets.end(), [&](const MeshFacet& g) {
       return std::all_of(g.p.begin(), g.p.end(), [&](DVec3 p) { return glm::dot(p - f.p[0], f.n) <= 1e-12 * size; });
@@ -111,7 +111,7 @@ class MeshFinder {
 
   void find(DielectricMeshes& found) {
     for (auto& [key, alike] : alike_)
-      if (alike.facets.size() <= kMostTriangles) find_closed(alike, found);
+      if (alike.facets.size() <= kMaxTriangles) find_closed(alike, found);
     if (found.bodies_.empty()) return;
     std::vector<Shape> shapes;
     for (const auto& [first, count] : facets_.range) {

@@ -13,7 +13,7 @@ constexpr size_t kMaxBoxes = 8;
 /// With more shapes than this the search for pairs would be felt at load; all of them are then taken to touch.
 constexpr size_t kMaxShapes = 4000;
 
-bool is_passable(const SurfaceInfo& s) { return s.is_interface || s.has_alpha || !s.is_opaque; }
+bool may_let_light_pass(const SurfaceInfo& s) { return s.is_interface || s.has_alpha || !s.is_opaque; }
 
 void add_overlap(SurfaceInfo& surface, const Box3& box) {
   if (surface.overlaps.size() < kMaxBoxes) {
@@ -51,8 +51,8 @@ bool overlap(const Triangle& a, const Triangle& b, DVec3 n, double tolerance) {
 /// Whether the triangles lie on the surface of one convex body and none on another: then a ray meets two of them at one
 /// place at an edge only. Tried for small meshes, such as the boxes around grids.
 bool is_part_of_a_hull(const Mesh& mesh) {
-  constexpr size_t kMostTriangles = 128;
-  if (mesh.triangles.size() > kMostTriangles) return false;
+  constexpr size_t kMaxTriangles = 128;
+  if (mesh.triangles.size() > kMaxTriangles) return false;
   double size = 0;
   for (const DVec3 p : mesh.positions) size = std::max(size, glm::length(p - mesh.positions[0]));
   const double tolerance = 1e-5 * size;
@@ -86,7 +86,7 @@ void find_stacking(const Geometry& geometry, const std::vector<std::string>& med
   const auto key = [&](int i) {
     const SurfaceInfo& s = surfaces[static_cast<size_t>(i)];
     const Box3 box = bounds_of(geometry.shapes()[static_cast<size_t>(i)]);
-    return std::tuple(s.light == kNone, is_passable(s), s.is_interface, name(s.inside), name(s.outside),
+    return std::tuple(s.light == kNone, may_let_light_pass(s), s.is_interface, name(s.inside), name(s.outside),
                       std::array{box.lower.x, box.lower.y, box.lower.z, box.upper.x, box.upper.y, box.upper.z});
   };
   std::vector<decltype(key(0))> keys;
@@ -100,8 +100,8 @@ void find_stacking(const Geometry& geometry, const std::vector<std::string>& med
 }  // namespace
 
 void find_overlaps(const Geometry& geometry, const std::vector<std::string>& medium_names, std::vector<SurfaceInfo>& surfaces) {
-  const bool any_passable = std::any_of(surfaces.begin(), surfaces.end(), is_passable);
-  if (!any_passable) return;
+  const bool any_lets_light_pass = std::any_of(surfaces.begin(), surfaces.end(), may_let_light_pass);
+  if (!any_lets_light_pass) return;
   find_stacking(geometry, medium_names, surfaces);
 
   const Box3 scene = geometry.bounds();
@@ -123,7 +123,7 @@ void find_overlaps(const Geometry& geometry, const std::vector<std::string>& med
     const PlacedShape& a = placed[i];
     SurfaceInfo& sa = surfaces[static_cast<size_t>(a.shape)];
     const bool is_quadric = std::holds_alternative<Quadric>(geometry.shapes()[static_cast<size_t>(a.shape)].geometry);
-    if (is_passable(sa) && !is_quadric) {
+    if (may_let_light_pass(sa) && !is_quadric) {
       const auto* mesh = std::get_if<Mesh>(&geometry.shapes()[static_cast<size_t>(a.shape)].geometry);
       sa.edges_touch = sa.edges_touch || (mesh != nullptr && is_part_of_a_hull(*mesh));
       if (!sa.edges_touch) add_overlap(sa, a.bounds);
@@ -131,7 +131,7 @@ void find_overlaps(const Geometry& geometry, const std::vector<std::string>& med
     for (size_t j = i + 1; j < placed.size() && placed[j].bounds.lower.x <= a.bounds.upper.x; ++j) {
       const PlacedShape& b = placed[j];
       SurfaceInfo& sb = surfaces[static_cast<size_t>(b.shape)];
-      if (!is_passable(sa) && !is_passable(sb)) continue;
+      if (!may_let_light_pass(sa) && !may_let_light_pass(sb)) continue;
       const Box3 common{glm::max(a.bounds.lower, b.bounds.lower), glm::min(a.bounds.upper, b.bounds.upper)};
       if (common.empty()) continue;
       add_overlap(sa, common);

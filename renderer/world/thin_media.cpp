@@ -44,12 +44,12 @@ std::vector<std::string> thin_media(const World& world, const FilmDescription& f
           ray = ray_from(s, ray.d, ray.time);
           continue;
         }
-        const CoincidentHits junction(world, ray, *hit);
-        junction.for_each_gap([&](int medium, double length) {
+        const CoincidentHits coincident(world, ray, *hit);
+        coincident.for_each_gap([&](int medium, double length) {
           double& most = lost[static_cast<size_t>(medium)];
           most = std::max(most, length * static_cast<double>(world.media[medium].maximum_sigma_t()));
         });
-        ray = junction.ray_from(s.p, ray.d, ray.time);
+        ray = coincident.ray_from(s.p, ray.d, ray.time);
       }
     }
   for (size_t i = 0; i < lost.size(); ++i) {

@@ -77,7 +77,7 @@ void describe_surface(const SceneDescription& scene, const ShapeDescription& sha
                      std::holds_alternative<CoatedDiffuseDescription>(kind) || std::holds_alternative<CoatedConductorDescription>(kind);
   }
   const bool mix = !info.is_interface && std::holds_alternative<MixDescription>(scene.materials[static_cast<size_t>(shape.material)].kind);
-  info.passes_shadows = info.is_interface || info.has_alpha || mix;
+  info.transparent_to_shadows = info.is_interface || info.has_alpha || mix;
 }
 
 /// Whether a path may pass through a medium that is not empty, so that lengths count.
@@ -193,7 +193,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
     SurfaceInfo info;
     describe_surface(scene, s, world->materials, info);
     if (shape < top_level) info.light = world->lights.light_of_shape(shape);
-    world->has_passable_surfaces |= info.passes_shadows;
+    world->has_transparent_surfaces |= info.transparent_to_shadows;
     world->surfaces.push_back(info);
   };
   int index = 0;
@@ -231,7 +231,7 @@ std::unique_ptr<const World> build_world(const SceneDescription& scene) {
   for (std::string& note : thin_media(*world, scene.film, medium_names)) world->notes.push_back(std::move(note));
   std::vector<double> powers;
   for (const int medium : reachable_media(scene, *world))
-    if (const EmissionBricks* bricks = world->media[medium].emission_bricks()) {
+    if (const EmissionImportance* bricks = world->media[medium].emission_importance()) {
       world->emissive_media.push_back(medium);
       // One whose emission the estimate missed altogether may stand alone.
       powers.push_back(std::max(bricks->power(), std::numeric_limits<double>::min()));

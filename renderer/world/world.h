@@ -33,12 +33,12 @@ struct SurfaceInfo {
   int light = kNone;
   bool is_boundary = false;  ///< has a MediumInterface of its own
   int inside = kNone, outside = kNone;
-  bool is_interface = false;    ///< no surface at all, only a boundary
-  bool is_opaque = true;        ///< the material lets nothing through
-  bool passes_shadows = false;  ///< an interface, a mix, or alpha below one: shadow rays may go on
-  std::vector<Box3> overlaps;   ///< boxes in render space outside of which nothing coincides with this surface
-  bool edges_touch = false;     ///< a mesh whose triangles coincide at its own edges, and nowhere else
-  int stacking = 0;             ///< the order of surfaces that nothing else puts in order (coincident_hits.h): lights, opaque ones, others
+  bool is_interface = false;            ///< no surface at all, only a boundary
+  bool is_opaque = true;                ///< the material lets nothing through
+  bool transparent_to_shadows = false;  ///< an interface, a mix, or alpha below one: shadow rays may go on
+  std::vector<Box3> overlaps;           ///< boxes in render space outside of which nothing coincides with this surface
+  bool edges_touch = false;             ///< a mesh whose triangles coincide at its own edges, and nowhere else
+  int stacking = 0;  ///< the order of surfaces that nothing else puts in order (coincident_hits.h): lights, opaque ones, others
 
   /// Something may coincide with it somewhere.
   bool may_overlap() const { return edges_touch || !overlaps.empty(); }
@@ -68,7 +68,7 @@ struct World {
   int camera_medium = kNone;
   std::optional<int> medium_around;  ///< where rays leave the scene, if that is the same everywhere
   /// Some shadow ray may have to go on behind a surface (interfaces, partial opacity).
-  bool has_passable_surfaces = false;
+  bool has_transparent_surfaces = false;
   /// The Effect bits (effects.h) that the scene calls for, by use.
   uint32_t effects = 0;
   /// Where the scene was read differently than written, for the user.

@@ -223,7 +223,7 @@ TEST_F(EstimatorFrame, InScatteringAloneGainsEnergyAndNeedsADepthThatIsNotEndles
   settings.only = "in-scattering";
   load(kCamera + kSky + kBall, settings);
   EXPECT_THAT(notes_, ::testing::Contains(HasSubstr("gains energy")));
-  settings.max_depth = kMostDepthWithGain + 1;
+  settings.max_depth = kMaxDepthWithGain + 1;
   EXPECT_THROW(load(kCamera + kSky + kBall, settings), std::invalid_argument);
 }
 

@@ -11,7 +11,7 @@ namespace woodcock::testing {
 namespace {
 
 /// A camera in a medium without end that glows: nothing else is there.
-std::string endless(const std::string& medium, int max_depth, const std::string& shapes = "") {
+std::string unbounded(const std::string& medium, int max_depth, const std::string& shapes = "") {
   return medium + "MediumInterface \"\" \"m\"\n" + perspective({0.1, 0.2, 0.3}, {1, 1, 2}, 60, max_depth) + "WorldBegin\n" + shapes;
 }
 
@@ -35,9 +35,9 @@ TEST(HardCases, N21_depth_counts_scatterings_in_media) {
   // Interfaces change nothing and count for nothing.
   const std::string shells = boundary("m", "m", sphere(0.6)) + boundary("m", "m", sphere(0.9)) + boundary("m", "m", sphere(5, {4, 0, 0}));
   for (const std::string& shapes : {std::string(), shells}) {
-    expect_value(estimate(endless(medium, 0, shapes), 1000, 2), once, 1e-5, "depth 0");
-    expect_value(estimate(endless(medium, 1, shapes), 40000, 2), once * 1.75, 3e-3, "depth 1");
-    expect_value(estimate(endless(medium, 2, shapes), 40000, 2), once * 2.3125, 4e-3, "depth 2");
+    expect_value(estimate(unbounded(medium, 0, shapes), 1000, 2), once, 1e-5, "depth 0");
+    expect_value(estimate(unbounded(medium, 1, shapes), 40000, 2), once * 1.75, 3e-3, "depth 1");
+    expect_value(estimate(unbounded(medium, 2, shapes), 40000, 2), once * 2.3125, 4e-3, "depth 2");
   }
 }
 
@@ -82,7 +82,7 @@ TEST(HardCases, N50_emission_is_seen_through_its_own_absorption_however_thin_or_
 
 TEST(HardCases, N57_a_channel_without_absorption_does_not_emit_on_a_way_without_end) {
   // The channel that does not absorb does not emit, however long the way is.
-  const Estimate e = estimate(endless(homogeneous("m", {1, 0, 2}, Rgb(0), 0, Rgb(3)), 5), 1000, 1);
+  const Estimate e = estimate(unbounded(homogeneous("m", {1, 0, 2}, Rgb(0), 0, Rgb(3)), 5), 1000, 1);
   EXPECT_NEAR(e.mean[0], 3, 1e-5);
   EXPECT_EQ(e.mean[1], 0);
   EXPECT_NEAR(e.mean[2], 3, 1e-5);

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "renderer/media/majorant_iterator.h"
 #include "renderer/media/medium.h"
 #include "renderer/transport/tentative_collisions.h"
 #include "renderer/transport/transmittance.h"
@@ -93,7 +94,7 @@ TEST(HardCases, N10_rays_along_axes_and_diagonals_meet_every_brick) {
       const DVec3 from = through - 20.0 * d;
       const Ray ray{Vec3(scale * (from - world->space.center)), Vec3(glm::normalize(d))};
       const float length = static_cast<float>(40 * glm::length(d) * scale);
-      MajorantWalk walk(medium, ray, length);
+      MajorantIterator walk(medium, ray, length);
       double depth = 0;
       float end = 0;
       const auto expect_empty = [&](float t0, float t1) {
@@ -126,7 +127,7 @@ TEST(HardCases, N11_rays_in_the_faces_of_a_grid_are_inside_whatever_the_sign_of_
         o[axis] = -10 * scale;
         d[axis] = 1;
         o -= Vec3(world->space.center * world->space.scale);
-        MajorantWalk walk(medium, {o, d}, kInf);
+        MajorantIterator walk(medium, {o, d}, kInf);
         float length = 0;
         while (const auto s = walk.next()) length += s->t1 - s->t0;
         EXPECT_NEAR(length, 8 * scale, 1e-5f * scale) << face << " axis " << axis << " zero " << std::signbit(zero);

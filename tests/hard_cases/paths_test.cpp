@@ -169,14 +169,14 @@ TEST(HardCases, N25_quotients_of_transmittances_that_underflow_are_finite) {
   EXPECT_EQ(e.counters.nonfinite, 0u);
   for (size_t c = 0; c < 3; ++c) EXPECT_TRUE(std::isfinite(e.mean[c]) && e.mean[c] > 0 && e.mean[c] < 1) << c << ": " << e.mean[c];
   // Without an end: red passes through for certain, the others never; what they scatter reaches no light.
-  const Estimate endless = estimate(homogeneous("m", {0, 0.2f, 1}, {0, 0.3f, 1}) + "MediumInterface \"\" \"m\"\n" +
-                                        perspective({0, 0, 0}, {0, 0, 1}, 60, 5) + "WorldBegin\n" + environment(1),
-                                    20000, 1);
-  EXPECT_EQ(endless.counters.nonfinite, 0u);
-  EXPECT_NEAR(endless.mean[0], 1, kStandardErrors * endless.error[0]);
-  EXPECT_LT(endless.error[0], 0.02);
-  EXPECT_EQ(endless.mean[1], 0);
-  EXPECT_EQ(endless.mean[2], 0);
+  const Estimate unbounded = estimate(homogeneous("m", {0, 0.2f, 1}, {0, 0.3f, 1}) + "MediumInterface \"\" \"m\"\n" +
+                                          perspective({0, 0, 0}, {0, 0, 1}, 60, 5) + "WorldBegin\n" + environment(1),
+                                      20000, 1);
+  EXPECT_EQ(unbounded.counters.nonfinite, 0u);
+  EXPECT_NEAR(unbounded.mean[0], 1, kStandardErrors * unbounded.error[0]);
+  EXPECT_LT(unbounded.error[0], 0.02);
+  EXPECT_EQ(unbounded.mean[1], 0);
+  EXPECT_EQ(unbounded.mean[2], 0);
   // A sheet that only absorbs: each channel alone.
   const Estimate sheet = estimate(perspective({0, 0, 4}, {0, 0, 0}, 0.01, 1000) + "WorldBegin\n" + environment(1) +
                                       homogeneous("m", {1e-3f, 100, 1e5f}, Rgb(0)) + boundary("m", "", sphere(1)),
@@ -255,12 +255,12 @@ TEST(HardCases, N44_ten_thousand_scatterings_lose_nothing_and_stay_finite) {
   const std::string medium = homogeneous("m", {1e-4f, 2e-4f, 1e-4f}, {0.9999f, 0.9998f, 0.9999f}, 0.3, Rgb(2));
   const Estimate e =
       estimate(medium + "MediumInterface \"\" \"m\"\n" + perspective({0, 0, 0}, {0, 0, 1}, 60, 1000000) + "WorldBegin\n", 300, 1);
-  expect_value(e, 2, 0.1, "endless medium");
+  expect_value(e, 2, 0.1, "unbounded medium");
   EXPECT_EQ(e.counters.nonfinite, 0u);
   EXPECT_GT(e.counters.vertices, 300u * 2000);
 }
 
-/// Statistics of the pixels of a picture in which all of them see the same: a parallel camera in an endless glowing medium.
+/// Statistics of the pixels of a picture in which all of them see the same: a parallel camera in an unbounded glowing medium.
 struct Pixels {
   static constexpr int kSize = 32, kSamples = 64;
   std::vector<double> mean, variance;  ///< of the pixels; the variance is that of one sample

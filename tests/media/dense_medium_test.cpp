@@ -4,6 +4,7 @@
 
 #include <glm/gtc/matrix_transform.hpp>
 
+#include "renderer/media/majorant_iterator.h"
 #include "renderer/scene/colorimetry.h"
 #include "renderer/scene/scene_error.h"
 #include "tests/media/grids.h"
@@ -28,7 +29,7 @@ TEST(HomogeneousMedium, coefficients_are_per_render_unit) {
 
 TEST(HomogeneousMedium, walk_is_one_segment_even_without_an_end) {
   const Medium m = make_medium(HomogeneousDescription{});
-  MajorantWalk walk(m, {{1, 2, 3}, {0, 0, 1}}, kInf);
+  MajorantIterator walk(m, {{1, 2, 3}, {0, 0, 1}}, kInf);
   const auto segment = walk.next();
   ASSERT_TRUE(segment);
   EXPECT_EQ(segment->t0, 0);
@@ -41,7 +42,7 @@ TEST(HomogeneousMedium, vacuum_has_no_segments) {
   HomogeneousDescription d;
   d.sigma_a = d.sigma_s = Rgb(0);
   const Medium m = make_medium(d);
-  EXPECT_FALSE(MajorantWalk(m, {{0, 0, 0}, {0, 0, 1}}, 10).next());
+  EXPECT_FALSE(MajorantIterator(m, {{0, 0, 0}, {0, 0, 1}}, 10).next());
   EXPECT_EQ(albedo(m, Vec3(0)), Rgb(0));
 }
 

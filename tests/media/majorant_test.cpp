@@ -1,5 +1,6 @@
 // Majorants bound the interpolant, and the walk misses nothing; N08 … N11 of the hard cases.
 #include "renderer/media/majorant_grid.h"
+#include "renderer/media/majorant_iterator.h"
 
 #include <gtest/gtest.h>
 
@@ -38,7 +39,7 @@ std::pair<double, double> clip(DVec3 o, DVec3 d, DVec3 lower, DVec3 upper, doubl
   return {a, b};
 }
 
-TEST(BrickWalk, N10_segments_tile_the_part_of_the_ray_in_the_box) {
+TEST(BrickIterator, N10_segments_tile_the_part_of_the_ray_in_the_box) {
   Stream random(21);
   MajorantGrid grid;
   IVec3 voxels;
@@ -54,7 +55,7 @@ TEST(BrickWalk, N10_segments_tile_the_part_of_the_ray_in_the_box) {
     const Vec3 d = awkward_direction(random);
     const float t_max = i % 3 ? kInf : 10 * random.uniform();
     const auto [a, b] = clip(DVec3(o), DVec3(d), DVec3(0), DVec3(voxels), t_max);
-    BrickWalk walk(grid, {o, d}, t_max);
+    BrickIterator walk(grid, {o, d}, t_max);
     // Quotients and products with a reciprocal differ in the last digits.
     const double rounding = 1e-14 * (1 + std::abs(a) + (std::isfinite(b) ? std::abs(b) : 0));
     std::optional<double> end;
@@ -79,7 +80,7 @@ TEST(BrickWalk, N10_segments_tile_the_part_of_the_ray_in_the_box) {
   }
 }
 
-TEST(BrickWalk, N10_each_segment_lies_in_the_brick_whose_bound_it_carries) {
+TEST(BrickIterator, N10_each_segment_lies_in_the_brick_whose_bound_it_carries) {
   const IVec3 voxels{24, 17, 9};
   for (const int edge : {1, 2, 4, 8}) {
     MajorantGrid grid(voxels, {DVec3(0), DVec3(voxels)}, GridMap(DMat4(1)), edge);
@@ -91,7 +92,7 @@ TEST(BrickWalk, N10_each_segment_lies_in_the_brick_whose_bound_it_carries) {
     for (int i = 0; i < 5000; ++i) {
       const Vec3 o = Vec3(voxels) * (Vec3(random.uniform(), random.uniform(), random.uniform()) * 3.0f - 1.0f);
       const Vec3 d = glm::normalize(Vec3(voxels) * Vec3(random.uniform(), random.uniform(), random.uniform()) - o);
-      BrickWalk walk(grid, {o, d}, kInf);
+      BrickIterator walk(grid, {o, d}, kInf);
       while (const auto s = walk.next()) {
         const DVec3 middle = DVec3(o) + 0.5 * (double(s->t0) + double(s->t1)) * DVec3(d);
         // Segments shorter than the rounding of t say nothing about the place.
@@ -105,11 +106,11 @@ TEST(BrickWalk, N10_each_segment_lies_in_the_brick_whose_bound_it_carries) {
   }
 }
 
-TEST(BrickWalk, N11_rays_in_faces_of_the_box_with_zeros_of_both_signs_are_inside) {
+TEST(BrickIterator, N11_rays_in_faces_of_the_box_with_zeros_of_both_signs_are_inside) {
   const MajorantGrid grid = bricks({4, 4, 4}, 2);
   for (const float zero : {0.0f, -0.0f})
     for (const float face : {0.0f, 4.0f, -0.0f, 2.0f}) {
-      BrickWalk walk(grid, {{face, -1, face}, {zero, 1, zero}}, kInf);
+      BrickIterator walk(grid, {{face, -1, face}, {zero, 1, zero}}, kInf);
       const auto first = walk.next(), second = walk.next();
       ASSERT_TRUE(first && second);
       EXPECT_EQ(first->t0, 1);
@@ -118,24 +119,24 @@ TEST(BrickWalk, N11_rays_in_faces_of_the_box_with_zeros_of_both_signs_are_inside
       EXPECT_FALSE(walk.next());
     }
   // Just outside the face: nothing.
-  EXPECT_FALSE(BrickWalk(grid, {{-1e-6f, -1, 1}, {0.0f, 1, -0.0f}}, kInf).next());
-  EXPECT_FALSE(BrickWalk(grid, {{4.0001f, -1, 1}, {-0.0f, 1, 0.0f}}, kInf).next());
+  EXPECT_FALSE(BrickIterator(grid, {{-1e-6f, -1, 1}, {0.0f, 1, -0.0f}}, kInf).next());
+  EXPECT_FALSE(BrickIterator(grid, {{4.0001f, -1, 1}, {-0.0f, 1, 0.0f}}, kInf).next());
 }
 
-TEST(BrickWalk, rays_that_point_away_end_before_or_have_no_length_find_nothing) {
+TEST(BrickIterator, rays_that_point_away_end_before_or_have_no_length_find_nothing) {
   const MajorantGrid grid = bricks({4, 4, 4}, 2);
-  EXPECT_FALSE(BrickWalk(grid, {{-1, 1, 1}, {-1, 0, 0}}, kInf).next());
-  EXPECT_FALSE(BrickWalk(grid, {{-1, 1, 1}, {1, 0, 0}}, 0.5f).next());
-  EXPECT_FALSE(BrickWalk(grid, {{1, 1, 1}, {1, 0, 0}}, 0).next());
-  EXPECT_FALSE(BrickWalk(grid, {{1, 1, 1}, {1, 0, 0}}, std::numeric_limits<float>::quiet_NaN()).next());
-  EXPECT_FALSE(BrickWalk().next());
+  EXPECT_FALSE(BrickIterator(grid, {{-1, 1, 1}, {-1, 0, 0}}, kInf).next());
+  EXPECT_FALSE(BrickIterator(grid, {{-1, 1, 1}, {1, 0, 0}}, 0.5f).next());
+  EXPECT_FALSE(BrickIterator(grid, {{1, 1, 1}, {1, 0, 0}}, 0).next());
+  EXPECT_FALSE(BrickIterator(grid, {{1, 1, 1}, {1, 0, 0}}, std::numeric_limits<float>::quiet_NaN()).next());
+  EXPECT_FALSE(BrickIterator().next());
 }
 
-TEST(BrickWalk, N09_empty_bricks_are_skipped_and_an_empty_grid_is_vacuum) {
-  EXPECT_FALSE(BrickWalk(bricks({16, 16, 16}, 4, 0), {{-1, 5, 5}, {1, 0, 0}}, kInf).next());
+TEST(BrickIterator, N09_empty_bricks_are_skipped_and_an_empty_grid_is_vacuum) {
+  EXPECT_FALSE(BrickIterator(bricks({16, 16, 16}, 4, 0), {{-1, 5, 5}, {1, 0, 0}}, kInf).next());
   MajorantGrid grid({64, 4, 4}, {DVec3(0), DVec3(64, 4, 4)}, GridMap(DMat4(1)), 4);
   grid.add_voxel({33, 1, 1}, 2);
-  BrickWalk walk(grid, {{-1, 2, 2}, {1, 0, 0}}, kInf);
+  BrickIterator walk(grid, {{-1, 2, 2}, {1, 0, 0}}, kInf);
   const auto s = walk.next();
   ASSERT_TRUE(s);
   EXPECT_EQ(s->t0, 33);
@@ -145,7 +146,7 @@ TEST(BrickWalk, N09_empty_bricks_are_skipped_and_an_empty_grid_is_vacuum) {
   const Medium empty = make_medium(grid_medium(make_dense(IVec3(8), DVec3(0), DVec3(8), [](IVec3) { return 0.f; })));
   EXPECT_FALSE(empty.attenuates());
   EXPECT_FALSE(empty.scatters());
-  EXPECT_FALSE(MajorantWalk(empty, {{-1, 2, 2}, {1, 0, 0}}, kInf).next());
+  EXPECT_FALSE(MajorantIterator(empty, {{-1, 2, 2}, {1, 0, 0}}, kInf).next());
 }
 
 TEST(MajorantGrid, N08_bounds_hold_at_every_point_of_every_segment_even_for_a_spike_of_one_voxel) {
@@ -159,7 +160,7 @@ TEST(MajorantGrid, N08_bounds_hold_at_every_point_of_every_segment_even_for_a_sp
         const Vec3 o = Vec3(16) * (Vec3(random.uniform(), random.uniform(), random.uniform()) * 3.0f - 1.0f);
         const Vec3 target = Vec3(spike) + Vec3(random.uniform(), random.uniform(), random.uniform()) * 2.0f - 0.5f;
         const Vec3 d = glm::normalize(glm::clamp(target, Vec3(0.01f), Vec3(15.99f)) - o);
-        MajorantWalk walk(m, {o, d}, kInf);
+        MajorantIterator walk(m, {o, d}, kInf);
         double end = 0;
         double in_walk = 0;
         while (const auto s = walk.next()) {
@@ -189,7 +190,7 @@ TEST(MajorantGrid, bound_of_random_grids_holds_for_all_brick_sizes_and_transform
       const DVec3 a = DVec3(size) * (DVec3(random.uniform(), random.uniform(), random.uniform()) * 2.0 - 0.5);
       const DVec3 b = DVec3(size) * DVec3(random.uniform(), random.uniform(), random.uniform());
       const Vec3 o{DVec3(world * glm::dvec4(a, 1))}, d = glm::normalize(Vec3(DVec3(world * glm::dvec4(b, 1))) - o);
-      MajorantWalk walk(m, {o, d}, kInf);
+      MajorantIterator walk(m, {o, d}, kInf);
       while (const auto s = walk.next())
         for (int j = 0; j < 10; ++j)
           ASSERT_LE(max_component(m.sigma_t(Ray{o, d}.at(s->t0 + (s->t1 - s->t0) * static_cast<double>(random.uniform())))), s->sigma);
@@ -203,7 +204,7 @@ struct SegmentKinds {
 };
 SegmentKinds expect_bounds(const Medium& m, const Ray& ray, Stream& random) {
   SegmentKinds kinds;
-  MajorantWalk walk(m, ray, kInf);
+  MajorantIterator walk(m, ray, kInf);
   while (const auto s = walk.next()) {
     EXPECT_GE(s->lower, 0);
     EXPECT_LE(s->lower, s->sigma);
@@ -290,7 +291,7 @@ TEST(MajorantGrid, N10_optical_depth_over_the_segments_equals_the_exact_sum_alon
         const DVec3 d = glm::normalize(direction);
         const double want = reference_depth(grid, start, d, 0, 100);
         double sum = 0;
-        MajorantWalk walk(m, {Vec3(start), Vec3(d)}, 100);
+        MajorantIterator walk(m, {Vec3(start), Vec3(d)}, 100);
         while (const auto s = walk.next()) sum += reference_depth(grid, start, d, s->t0, s->t1);
         EXPECT_NEAR(testing::optical_depth_exact(m, {Vec3(start), Vec3(d)}, 0, 100).x, sigma * want, 1e-5 * sigma * (1 + want));
         EXPECT_NEAR(sum, want, 1e-5 * (1 + want)) << sigma << ' ' << start.x << ' ' << direction.x << direction.y << direction.z;

@@ -3,6 +3,7 @@
 
 #include <glm/gtc/matrix_transform.hpp>
 
+#include "renderer/media/majorant_iterator.h"
 #include "renderer/scene/scene_error.h"
 #include "tests/media/grids.h"
 
@@ -54,7 +55,7 @@ TEST(RgbGridMedium, bounds_hold_in_all_channels) {
     for (int i = 0; i < 3000; ++i) {
       const Vec3 o = Vec3(size) * (Vec3(random.uniform(), random.uniform(), random.uniform()) * 2.0f - 0.5f);
       const Vec3 d_unit = awkward_direction(random);
-      MajorantWalk walk(m, {o, d_unit}, kInf);
+      MajorantIterator walk(m, {o, d_unit}, kInf);
       while (const auto s = walk.next())
         for (int k = 0; k < 4; ++k)
           ASSERT_LE(max_component(m.sigma_t(Ray{o, d_unit}.at(s->t0 + (s->t1 - s->t0) * static_cast<double>(random.uniform())))), s->sigma);
@@ -130,7 +131,7 @@ TEST(CloudMedium, density_lies_in_0_1_is_full_at_the_ground_and_zero_outside) {
   EXPECT_EQ(m.density({10.5f, 0, 0.5f}), 1);
   EXPECT_EQ(m.density({9.99f, 0, 0.5f}), 0);
   EXPECT_EQ(m.density({10.5f, 1.01f, 0.5f}), 0);
-  MajorantWalk walk(m, {{5, 0.5f, 0.5f}, {1, 0, 0}}, kInf);
+  MajorantIterator walk(m, {{5, 0.5f, 0.5f}, {1, 0, 0}}, kInf);
   const auto s = walk.next();
   ASSERT_TRUE(s);
   EXPECT_NEAR(s->t0, 5, 1e-6);

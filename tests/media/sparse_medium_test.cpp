@@ -7,6 +7,7 @@
 #include <cstring>
 #include <glm/gtc/matrix_transform.hpp>
 
+#include "renderer/media/majorant_iterator.h"
 #include "renderer/scene/colorimetry.h"
 #include "renderer/scene/scene_error.h"
 #include "tests/media/grids.h"
@@ -91,7 +92,7 @@ void expect_equal_to_nanovdb(const SparseGrid& grid, const DMat4& world_from_med
     const Vec3 o{DVec3(render_from_index * glm::dvec4(point() + DVec3(random.uniform() - 0.5) * extent, 1))};
     const Vec3 target{DVec3(render_from_index * glm::dvec4(filled_point(), 1))};
     const Vec3 d = glm::normalize(target - o);
-    MajorantWalk walk(m, {o, d}, kInf);
+    MajorantIterator walk(m, {o, d}, kInf);
     double end = 0;
     while (const auto s = walk.next()) {
       ASSERT_GE(s->t0, end);
@@ -156,7 +157,7 @@ TEST(SparseMedium, bricks_inside_of_tiles_are_constant_and_those_at_the_ends_of_
     for (const DVec3 target : {DVec3(64.3, 60.1, 50.7), DVec3(3.1, 60, 50), DVec3(40, 1, 90)}) {
       const Vec3 o(-9, 70, 80);
       const Ray ray{o, glm::normalize(Vec3(target) - o)};
-      MajorantWalk walk(m, ray, kInf);
+      MajorantIterator walk(m, ray, kInf);
       std::vector<MajorantSegment> segments;
       while (const auto s = walk.next()) segments.push_back(*s);
       ASSERT_FALSE(segments.empty());
@@ -201,7 +202,7 @@ TEST(SparseMedium, ends_at_the_index_box_from_the_first_sample_to_one_past_the_l
   EXPECT_EQ(m.density({9.5f, 5, 5}), 0.5f);
   EXPECT_EQ(m.density({9.75f, 5, 5}), 0.25f);
   EXPECT_EQ(m.density({10.001f, 5, 5}), 0);
-  MajorantWalk walk(m, {{-1, 5, 5}, {1, 0, 0}}, kInf);
+  MajorantIterator walk(m, {{-1, 5, 5}, {1, 0, 0}}, kInf);
   auto s = walk.next();
   ASSERT_TRUE(s);
   EXPECT_EQ(s->t0, 3);
@@ -235,7 +236,7 @@ TEST(SparseMedium, N09_a_tree_without_active_voxels_is_vacuum) {
   const Medium m = make_medium(grid_medium(to_sparse(*grid)));
   EXPECT_FALSE(m.attenuates());
   EXPECT_EQ(m.density(Vec3(0)), 0);
-  EXPECT_FALSE(MajorantWalk(m, {{-1, 0, 0}, {1, 0, 0}}, kInf).next());
+  EXPECT_FALSE(MajorantIterator(m, {{-1, 0, 0}, {1, 0, 0}}, kInf).next());
 }
 
 TEST(SparseMedium, values_without_meaning_are_reported_or_refused) {

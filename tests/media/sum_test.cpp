@@ -3,6 +3,7 @@
 
 #include <glm/gtc/matrix_transform.hpp>
 
+#include "renderer/media/majorant_iterator.h"
 #include "tests/media/grids.h"
 #include "tests/support/chi_square.h"
 
@@ -68,9 +69,9 @@ TEST(SumMedium, N15_homogeneous_parts_make_a_homogeneous_medium) {
   EXPECT_EQ(sum.homogeneous().emission, Rgb(5, 2, 0));
   EXPECT_EQ(sum.maximum_sigma_t(), 7.5f);
   EXPECT_TRUE(sum.emits());
-  EXPECT_EQ(sum.emission_bricks(), nullptr);
+  EXPECT_EQ(sum.emission_importance(), nullptr);
   EXPECT_NEAR(sum.mean_sigma_t(), 6.5, 1e-6);
-  MajorantWalk walk(sum, {{0, 0, 0}, {1, 0, 0}}, 9);
+  MajorantIterator walk(sum, {{0, 0, 0}, {1, 0, 0}}, 9);
   const auto s = walk.next();
   ASSERT_TRUE(s);
   EXPECT_EQ(s->t1, 9);
@@ -87,7 +88,7 @@ TEST(SumMedium, segments_follow_each_other_without_overlap_and_bound_the_sum_fro
     for (int i = 0; i < 2000; ++i) {
       const Ray ray{point_around(random), awkward_direction(random)};
       const float t_max = i % 3 ? kInf : 20 * random.uniform();
-      MajorantWalk walk(sum, ray, t_max);
+      MajorantIterator walk(sum, ray, t_max);
       double end = 0;
       while (const auto s = walk.next()) {
         ASSERT_LT(s->t0, s->t1);
@@ -133,7 +134,7 @@ TEST(SumMedium, bounds_hold_next_to_the_faces_of_a_box_where_rounding_decides_th
   for (int i = 0; i < 20000; ++i) {
     const Vec3 o(990 + 4 * random.uniform(), 4, 4);
     const Ray ray{o, glm::normalize(Vec3(1000, 8 * random.uniform(), 8 * random.uniform()) - o)};
-    MajorantWalk walk(sum, ray, kInf);
+    MajorantIterator walk(sum, ray, kInf);
     while (const auto s = walk.next())
       for (const float t : {s->t0, s->t1})
         if (std::isfinite(t)) {

@@ -1,6 +1,7 @@
 // Media of which only some terms of the transfer equation count.
 #include <gtest/gtest.h>
 
+#include "renderer/media/majorant_iterator.h"
 #include "tests/media/grids.h"
 
 namespace woodcock {
@@ -66,7 +67,7 @@ TEST(Terms, upper_bounds_hold_for_the_whole_extinction_and_lower_ones_for_what_i
       Stream random(6);
       for (int i = 0; i < 50; ++i) {
         const Ray ray{14.0f * Vec3(random.uniform(), random.uniform(), random.uniform()) - 1.0f, awkward_direction(random)};
-        MajorantWalk walk(m, ray, 30), all(whole, ray, 30);
+        MajorantIterator walk(m, ray, 30), all(whole, ray, 30);
         while (const auto s = walk.next()) {
           EXPECT_EQ(s->sigma, all.next()->sigma);
           const Vec3 p = ray.at(s->t0 + (s->t1 - s->t0) * random.uniform());

@@ -17,7 +17,7 @@ namespace {
 
 constexpr bool kLong = WOODCOCK_CALIBRATION_RENDERS >= 1000;
 constexpr int kRenders = WOODCOCK_CALIBRATION_RENDERS;
-constexpr double kLeast = kLong ? 0.92 : 0.86, kMost = kLong ? 0.98 : 1;
+constexpr double kMin = kLong ? 0.92 : 0.86, kMax = kLong ? 0.98 : 1;
 constexpr int kSide = 8;
 
 FrameRenderer frame_of(const std::string& path, uint64_t seed, const std::string& without = {}) {
@@ -75,11 +75,11 @@ TEST_P(Calibration, NinetyFivePercentIntervalsHoldTheTruth) {
   fmt::print("{:<14} error of the reference {:.4f} %; image mean of {} renders held {:.1f} %; {} pixels held {:.1f} %; flagged {}\n",
              GetParam(), 100 * *truth.image_mean_half_width / truth.image_mean, kRenders, 100 * image_share, tested, 100 * pixel_share,
              flagged);
-  EXPECT_GE(image_share, kLeast);
-  EXPECT_LE(image_share, kMost);
+  EXPECT_GE(image_share, kMin);
+  EXPECT_LE(image_share, kMax);
   // Pixels of one scene are not alike; the bounds are those of the image.
-  EXPECT_GE(pixel_share, kLeast);
-  EXPECT_LE(pixel_share, kMost);
+  EXPECT_GE(pixel_share, kMin);
+  EXPECT_LE(pixel_share, kMax);
 }
 
 #if WOODCOCK_CALIBRATION_RENDERS >= 1000

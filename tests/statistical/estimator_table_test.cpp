@@ -25,7 +25,7 @@ namespace woodcock::reference {
 namespace {
 
 constexpr double kFalseAlarmRate = 1e-3;
-constexpr double kLargestRelativeError = 1e-3;
+constexpr double kMaxRelativeError = 1e-3;
 /// What the sample count aims at, so that the pilot's own error does not make it miss the bound.
 constexpr double kAimedAt = 0.85e-3;
 /// Samples a batch and pixel, as a power of two; the pilot has one batch.
@@ -150,7 +150,7 @@ Row render(const Entry& entry, std::optional<double> bias_before) {
     ok = ok && value.mean < 1e-6;
     verdict = "nothing comes through";
   } else {
-    ok = ok && value.standard_error <= kLargestRelativeError * exact;
+    ok = ok && value.standard_error <= kMaxRelativeError * exact;
     if (entry.biased) {
       ok = ok && error > -allowed && (!bias_before || std::abs(error) <= 0.5 * *bias_before + allowed);
       verdict = bias_before ? "biased, closer" : "biased";
@@ -174,7 +174,7 @@ TEST(EstimatorTableHead, SaysWhatIsInIt) {
               "that right estimators fail anywhere is {}. `march`, `march-phase` and `line` are biased where extinction varies (P07,\n"
               "P08): there their bias must fall with the step. Elsewhere they are unbiased whatever the step, which is 0.8 mean free\n"
               "paths, of march-phase 0.2 at g = 0.9. Steps are in world units. `line` takes {} distances on the first ray.\n\n",
-              100 * kLargestRelativeError, two_sided_t(level(), kPixels - 1), kFalseAlarmRate, kDistances)
+              100 * kMaxRelativeError, two_sided_t(level(), kPixels - 1), kFalseAlarmRate, kDistances)
        << "| case | exact | estimator | step | value | off by | standard error | in standard errors | samples | CPU s | |\n"
        << "|---|---|---|---|---|---|---|---|---|---|---|\n";
   EXPECT_TRUE(head.flush().good());

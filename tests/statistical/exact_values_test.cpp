@@ -18,7 +18,7 @@ namespace woodcock::reference {
 namespace {
 
 constexpr double kFalseAlarmRate = 1e-3;
-constexpr double kLargestRelativeError = 3e-3;
+constexpr double kMaxRelativeError = 3e-3;
 
 const std::vector<Scene>& scenes() {
   static const std::vector<Scene> list = [] {
@@ -60,7 +60,7 @@ TEST_P(ExactValue, IsMetWithinNoise) {
     EXPECT_LT(rendered.mean, 1e-6) << report;
     return;
   }
-  EXPECT_LE(rendered.standard_error, kLargestRelativeError * scene.expected) << report;
+  EXPECT_LE(rendered.standard_error, kMaxRelativeError * scene.expected) << report;
   EXPECT_LE(std::abs(error), z * rendered.standard_error + 1e-5 * scene.expected + scene.uncertainty + scene.discretisation)
       << report << "\nThe scene:\n"
       << scene.text.substr(0, 3000);

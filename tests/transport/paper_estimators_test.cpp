@@ -151,8 +151,8 @@ TEST(PaperEstimators, CrossSumsOfMedia) {
 
   // Without an end, seen with no scattering: the light behind, through the grid in blue, through what has no end in the others. It
   // reaches one and a half voxels of 1.4 beyond the middle on either side and fades in the last half: 3 · 1.4 long in all.
-  const std::string endless = media + "MediumInterface \"\" \"s\"\n" + perspective({0, 0, 3}, {0, 0, 0}, 0.1, 0) + sky;
-  const CompiledScene scene = compile(endless);
+  const std::string unbounded = media + "MediumInterface \"\" \"s\"\n" + perspective({0, 0, 3}, {0, 0, 0}, 0.1, 0) + sky;
+  const CompiledScene scene = compile(unbounded);
   const Ray ray = camera_sample(*scene.world, path_key(1, 4, 4, 0), 4, 4).ray;
   double depth = 0;
   constexpr int kPoints = 20000;
@@ -162,7 +162,7 @@ TEST(PaperEstimators, CrossSumsOfMedia) {
                  scene.world->media[scene.world->camera_medium].sigma_t(ray.at(static_cast<float>((i + 0.5) / kPoints * length))).b) *
              length / kPoints;
   for (const EstimatorChoice& choice : paper_estimators())
-    expect_value(estimate(with_estimator(compile(endless), choice), 20000, 18), {0, 0, 0.25 * std::exp(-depth)}, 0.05, choice.name);
+    expect_value(estimate(with_estimator(compile(unbounded), choice), 20000, 18), {0, 0, 0.25 * std::exp(-depth)}, 0.05, choice.name);
 }
 
 // Uniform directions reach every lobe of every material: the same light as by light and material sampling.
@@ -220,7 +220,7 @@ TEST(PaperEstimators, DependOnTheKeyAlone) {
   EXPECT_NE(radiances(scene, 100, 13), radiances(scene, 100, 14));
 }
 
-// An endless medium that glows and absorbs nothing has no finite radiance: the sample says so instead of running for ever.
+// An unbounded medium that glows and absorbs nothing has no finite radiance: the sample says so instead of running for ever.
 TEST(PaperEstimators, AreInfiniteWhereTheLightIs) {
   const std::string text = homogeneous("m", Rgb(0.5f), Rgb(0), 0, Rgb(1)) + "MediumInterface \"\" \"m\"\n" +
                            perspective({0, 0, 0}, {1, 0, 0}, 30, 5) + "WorldBegin\n";

@@ -61,7 +61,7 @@ TEST(Splitting, ChangesNoMean) {
     CompiledScene scene = which == 0 ? cornell() : which == 1 ? floor_under_lamp() : compile(glass);
     scene.width = scene.height = 8;
     const Estimate one = estimate(scene, 1 << 16, 1);
-    for (const uint32_t splits : {2u, kMostSplits}) {
+    for (const uint32_t splits : {2u, kMaxSplits}) {
       scene.settings.splits = splits;
       expect_equal(estimate(scene, 1 << 15, 2), one, 0.05, "splits in " + std::to_string(splits));
     }
@@ -74,7 +74,7 @@ TEST(Splitting, NumbersOfADirectionAreItsOwn) {
     PathKey at = path;
     at.index = index;
     std::vector<PathKey> keys;
-    for (uint32_t i = 0; i < kMostSplits; ++i) keys.push_back(split_key(at, i, kMostSplits));
+    for (uint32_t i = 0; i < kMaxSplits; ++i) keys.push_back(split_key(at, i, kMaxSplits));
     for (size_t i = 0; i < keys.size(); ++i)
       for (size_t j = 0; j < i; ++j) {
         EXPECT_NE(keys[i].key, keys[j].key);

@@ -66,7 +66,7 @@ TEST(CameraMedium, GivenByTheFileWinsWithANoteWhereBoundariesDisagree) {
   EXPECT_THAT(notes("a", ball("", "a", 1)), ElementsAre(HasSubstr("say \"\"")));
   EXPECT_THAT(notes("", ball("b", "", 1)), ElementsAre(HasSubstr("say \"b\"")));
   EXPECT_THAT(notes("b", ball("b", "", 1)), IsEmpty());
-  // No boundary says anything: an endless medium.
+  // No boundary says anything: an unbounded medium.
   EXPECT_THAT(notes("a", "Shape \"sphere\" \"float radius\" 0.1\n"), IsEmpty());
 }
 

@@ -14,7 +14,7 @@ namespace {
 constexpr const char* kNames[] = {"scattering",   "environment", "collision",       "segment",
                                   "light sample", "equiangular", "emission sample", "refracted sample"};
 
-constexpr size_t kMostFailures = 8;
+constexpr size_t kMaxFailures = 8;
 
 std::string text(DVec3 v) { return fmt::format("({:.7g} {:.7g} {:.7g})", v.x, v.y, v.z); }
 
@@ -58,7 +58,7 @@ void CheckReport::add(const CheckReport& o) {
   failed += o.failed;
   failed_weights += o.failed_weights;
   for (const std::string& f : o.failures)
-    if (failures.size() < kMostFailures) failures.push_back(f);
+    if (failures.size() < kMaxFailures) failures.push_back(f);
 }
 
 PathCheck::PathCheck(const SceneFormulas& scene, const PathSettings& settings, uint32_t effects)
@@ -85,7 +85,7 @@ void PathCheck::check(const PathRecord& record, const std::string& name, CheckRe
 
 void PathCheck::fail(const std::string& what) {
   ++report_->failed;
-  if (report_->failures.size() >= kMostFailures) return;
+  if (report_->failures.size() >= kMaxFailures) return;
   report_->failures.push_back(name_ + ": " + what);
   if (added_ != nullptr)
     report_->failures.back() += fmt::format(" ({} {}, from {} to {} along {})", kNames[static_cast<size_t>(added_->technique)],

@@ -1,5 +1,5 @@
 // The average extinction of media, and the density that follows their emission.
-#include "renderer/media/emission_bricks.h"
+#include "renderer/media/emission_importance.h"
 
 #include <gtest/gtest.h>
 
@@ -58,21 +58,21 @@ TEST(MeanExtinction, counts_the_terms_that_are_there) {
   EXPECT_NEAR(make_medium(kind, DMat4(1), glm::scale(DMat4(1), DVec3(4)), 4).mean_sigma_t(), 7.0 / 4, 1e-6);
 }
 
-TEST(EmissionBricks, exist_where_a_grid_emits) {
-  EXPECT_NE(make_medium(fire()).emission_bricks(), nullptr);
-  EXPECT_EQ(make_medium(fire(), DMat4(1), DMat4(1), 1, {true, false, true, true}).emission_bricks(), nullptr);
-  EXPECT_EQ(make_medium(grid_medium(random_dense(IVec3(4), 1))).emission_bricks(), nullptr);
-  EXPECT_EQ(make_medium(HomogeneousDescription{Rgb(1), Rgb(1), Rgb(1), {}}).emission_bricks(), nullptr);
+TEST(EmissionImportance, exist_where_a_grid_emits) {
+  EXPECT_NE(make_medium(fire()).emission_importance(), nullptr);
+  EXPECT_EQ(make_medium(fire(), DMat4(1), DMat4(1), 1, {true, false, true, true}).emission_importance(), nullptr);
+  EXPECT_EQ(make_medium(grid_medium(random_dense(IVec3(4), 1))).emission_importance(), nullptr);
+  EXPECT_EQ(make_medium(HomogeneousDescription{Rgb(1), Rgb(1), Rgb(1), {}}).emission_importance(), nullptr);
 }
 
-TEST(EmissionBricks, density_is_positive_where_anything_glows_and_zero_outside_of_the_box) {
+TEST(EmissionImportance, density_is_positive_where_anything_glows_and_zero_outside_of_the_box) {
   const Medium m = make_medium(fire(), kWorld);
   Stream random(12);
   int glowing = 0;
   for (int i = 0; i < 50000; ++i) {
     const DVec3 q = DVec3(23, 17, 30) * (DVec3(random_in(random)) * 1.4 - 0.2);
     const Vec3 p{DVec3(kWorld * glm::dvec4(q, 1))};
-    const float pdf = m.emission_bricks()->pdf(p);
+    const float pdf = m.emission_importance()->pdf(p);
     ASSERT_GE(pdf, 0);
     if (!is_black(m.at(p).emission)) {
       ASSERT_GT(pdf, 0);
@@ -85,7 +85,7 @@ TEST(EmissionBricks, density_is_positive_where_anything_glows_and_zero_outside_o
     }
   }
   EXPECT_GT(glowing, 1000);
-  EXPECT_EQ(m.emission_bricks()->pdf(Vec3(std::numeric_limits<float>::quiet_NaN())), 0);
+  EXPECT_EQ(m.emission_importance()->pdf(Vec3(std::numeric_limits<float>::quiet_NaN())), 0);
 }
 
 /// A sum of two fires that overlap in part, and a single one.
@@ -100,14 +100,14 @@ std::vector<Medium> emitters() {
           Medium({part(fire(), kWorld), glow, part(other, glm::translate(DMat4(1), DVec3(0.8, 0.5, 0.2)) * kWorld)})};
 }
 
-TEST(EmissionBricks, points_follow_the_density) {
+TEST(EmissionImportance, points_follow_the_density) {
   // χ² over the cells of a lattice around the box, two tests at level 1e-4 with fixed seeds. What the density gives a cell is
   // itself estimated, with 16 times the samples, and its share of the variance is allowed for.
   for (const Medium& m : emitters()) {
-    const EmissionBricks& bricks = *m.emission_bricks();
+    const EmissionImportance& bricks = *m.emission_importance();
     constexpr int kSide = 10, kSamples = 200000, kPoints = 4000000;
     DVec3 low(kInf), high(-kInf);
-    std::vector<EmissionBricks::Sample> samples;
+    std::vector<EmissionImportance::Sample> samples;
     Stream random(21);
     for (int i = 0; i < kSamples; ++i) {
       const Vec3 u = random_in(random);
@@ -149,9 +149,9 @@ TEST(EmissionBricks, points_follow_the_density) {
   }
 }
 
-TEST(EmissionBricks, sampled_points_estimate_the_emission_of_the_volume_better_than_uniform_ones) {
+TEST(EmissionImportance, sampled_points_estimate_the_emission_of_the_volume_better_than_uniform_ones) {
   for (const Medium& m : emitters()) {
-    const EmissionBricks& bricks = *m.emission_bricks();
+    const EmissionImportance& bricks = *m.emission_importance();
     Stream random(31);
     const auto emission = [&](Vec3 p) {
       // Without the homogeneous part, whose emission lies outside as well.
@@ -188,7 +188,7 @@ TEST(EmissionBricks, sampled_points_estimate_the_emission_of_the_volume_better_t
   }
 }
 
-TEST(EmissionBricks, a_spark_between_two_voxel_centres_is_not_missed) {
+TEST(EmissionImportance, a_spark_between_two_voxel_centres_is_not_missed) {
   // One voxel glows; at all centres of its neighbours emission is zero, and next to them it is not.
   GridMediumDescription d =
       grid_medium(make_dense(IVec3(16), DVec3(0), DVec3(16), [](IVec3 v) { return v == IVec3(7, 8, 8) ? 1.f : 0.f; }), Rgb(1), Rgb(0));
@@ -198,7 +198,7 @@ TEST(EmissionBricks, a_spark_between_two_voxel_centres_is_not_missed) {
   for (int i = 0; i < 1000; ++i) {
     const Vec3 p = Vec3(6.5f, 7.5f, 7.5f) + 2.0f * random_in(random);
     if (!is_black(m.at(p).emission)) {
-      EXPECT_GT(m.emission_bricks()->pdf(p), 0);
+      EXPECT_GT(m.emission_importance()->pdf(p), 0);
     }
   }
 }

@@ -1,4 +1,4 @@
-#include "renderer/media/emission_bricks.h"
+#include "renderer/media/emission_importance.h"
 
 #include <algorithm>
 
@@ -6,9 +6,9 @@ namespace woodcock {
 namespace {
 
 /// 4 MiB of tables at the most; 64³ bricks.
-constexpr int64_t kMostBricks = 1 << 18;
+constexpr int64_t kMaxBricks = 1 << 18;
 /// Look-ups of emission when a medium is built: about a second.
-constexpr int64_t kMostLookUps = 1 << 22;
+constexpr int64_t kMaxLookUps = 1 << 22;
 /// The part of the density that goes by volume alone.
 constexpr double kDefensive = 1.0 / 64;
 
@@ -36,7 +36,7 @@ std::vector<double> defended(std::vector<double> weights, const std::vector<doub
 }  // namespace
 
 /// The part of the medium's box that lies in a brick; the outermost bricks reach to its ends.
-CellBox EmissionBricks::Layer::brick_box(IVec3 brick) const {
+CellBox EmissionImportance::Layer::brick_box(IVec3 brick) const {
   CellBox result;
   for (int i = 0; i < 3; ++i) {
     const double low = brick[i] * edge, high = low + edge;
@@ -46,8 +46,8 @@ CellBox EmissionBricks::Layer::brick_box(IVec3 brick) const {
   return result;
 }
 
-EmissionBricks::EmissionBricks(MajorantGrid bounds, const std::function<double(DVec3)>& emission) {
-  while (count(bounds.size()) > kMostBricks) bounds = bounds.coarser();
+EmissionImportance::EmissionImportance(MajorantGrid bounds, const std::function<double(DVec3)>& emission) {
+  while (count(bounds.size()) > kMaxBricks) bounds = bounds.coarser();
   auto layer = std::make_shared<Layer>();
   layer->size = bounds.size();
   layer->edge = bounds.edge();
@@ -59,7 +59,7 @@ EmissionBricks::EmissionBricks(MajorantGrid bounds, const std::function<double(D
   int64_t filled = 0;
   for_each_brick(layer->size, [&](IVec3 b) { filled += bounds.bound(b) > 0; });
   int stride = 1;
-  while (stride < layer->edge && filled * count(IVec3(layer->edge / stride)) > kMostLookUps) stride *= 2;
+  while (stride < layer->edge && filled * count(IVec3(layer->edge / stride)) > kMaxLookUps) stride *= 2;
   const IVec3 points(layer->edge / stride);
   std::vector<double> powers, volumes;
   for_each_brick(layer->size, [&](IVec3 b) {
@@ -84,9 +84,9 @@ EmissionBricks::EmissionBricks(MajorantGrid bounds, const std::function<double(D
   layers_.push_back(std::move(layer));
 }
 
-EmissionBricks::EmissionBricks(std::span<const EmissionBricks* const> parts) {
+EmissionImportance::EmissionImportance(std::span<const EmissionImportance* const> parts) {
   std::vector<double> powers;
-  for (const EmissionBricks* part : parts)
+  for (const EmissionImportance* part : parts)
     for (const auto& layer : part->layers_) {
       layers_.push_back(layer);
       powers.push_back(layer->power);
@@ -95,7 +95,7 @@ EmissionBricks::EmissionBricks(std::span<const EmissionBricks* const> parts) {
   choice_ = DiscreteDistribution(defended(powers, std::vector<double>(powers.size(), 1)));
 }
 
-EmissionBricks::Sample EmissionBricks::sample(Vec3 u, double u_brick) const {
+EmissionImportance::Sample EmissionImportance::sample(Vec3 u, double u_brick) const {
   const auto chosen = choice_.sample(u_brick);
   const Layer& layer = *layers_[chosen.index];
   const auto i = static_cast<int>(layer.bricks.sample(chosen.remainder).index);
@@ -106,14 +106,14 @@ EmissionBricks::Sample EmissionBricks::sample(Vec3 u, double u_brick) const {
   return {p, pdf(p)};
 }
 
-float EmissionBricks::pdf(DVec3 p) const {
+float EmissionImportance::pdf(DVec3 p) const {
   if (layers_.size() == 1) return layers_[0]->pdf(p);
   double sum = 0;
   for (size_t i = 0; i < layers_.size(); ++i) sum += choice_.probability(i) * static_cast<double>(layers_[i]->pdf(p));
   return static_cast<float>(sum);
 }
 
-float EmissionBricks::Layer::pdf(DVec3 p) const {
+float EmissionImportance::Layer::pdf(DVec3 p) const {
   const Vec3 c(map.point(p)), lower(box.lower), upper(box.upper);
   IVec3 brick;
   for (int i = 0; i < 3; ++i) {

@@ -15,14 +15,14 @@ namespace woodcock {
 ///
 /// A sixty-fourth of it is spread over all bricks that hold any matter by their volume, so that it is positive wherever
 /// emission may be, whatever the estimate missed (a defensive mixture: Hesterberg 1995).
-class EmissionBricks {
+class EmissionImportance {
  public:
   /// `emission`: the mean channel of σa Le at a render-space point, per render unit. It is looked up at voxel centres, or
   /// at every second or fourth … one where these are many. `bounds`: positive in every brick where it may be positive; its
   /// bricks are joined until they are few enough for a table.
-  EmissionBricks(MajorantGrid bounds, const std::function<double(DVec3)>& emission);
+  EmissionImportance(MajorantGrid bounds, const std::function<double(DVec3)>& emission);
   /// A mixture, in proportion to power.
-  explicit EmissionBricks(std::span<const EmissionBricks* const> parts);
+  explicit EmissionImportance(std::span<const EmissionImportance* const> parts);
 
   struct Sample {
     DVec3 p;    ///< render space
