@@ -46,7 +46,7 @@ CellBox EmissionImportance::Layer::brick_box(IVec3 brick) const {
   return result;
 }
 
-EmissionImportance::EmissionImportance(MajorantGrid bounds, const std::function<double(DVec3)>& emission) {
+EmissionImportance::EmissionImportance(MajorantGrid bounds, const std::function<double(DVec3)>& emission, MajorantGrid* largest) {
   while (count(bounds.size()) > kMaxBricks) bounds = bounds.coarser();
   auto layer = std::make_shared<Layer>();
   layer->size = bounds.size();
@@ -69,8 +69,10 @@ EmissionImportance::EmissionImportance(MajorantGrid bounds, const std::function<
     double sum = 0;
     if (volumes.back() > 0)
       for_each_brick(points, [&](IVec3 v) {
-        const DVec3 cell = DVec3(b * layer->edge + v * stride) + 0.5 * stride;
-        sum += emission(DVec3(layer->render_from_cell * glm::dvec4(cell, 1)));
+        const IVec3 first = b * layer->edge + v * stride;
+        const double value = emission(DVec3(layer->render_from_cell * glm::dvec4(DVec3(first) + 0.5 * stride, 1)));
+        sum += value;
+        if (largest != nullptr) largest->add_block(first, first + stride - 1, static_cast<float>(value));
       });
     powers.push_back(sum * stride * stride * stride * cell_volume);
     layer->power += powers.back();

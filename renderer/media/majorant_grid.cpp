@@ -1,6 +1,7 @@
 #include "renderer/media/majorant_grid.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace woodcock {
 
@@ -73,6 +74,11 @@ void MajorantGrid::scale(float largest, float smallest) {
         bounds = {bounds.upper * largest * allowance, least * smallest / allowance};
       }
   least_ = {};
+}
+
+void MajorantGrid::follow(const MajorantGrid& other) {
+  for (size_t i = 0; i < bounds_.size(); ++i)
+    bounds_[i].upper = other.bounds_[i].upper > 0 ? std::max(bounds_[i].upper, std::numeric_limits<float>::min()) : 0;
 }
 
 MajorantGrid MajorantGrid::coarser() const {

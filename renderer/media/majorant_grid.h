@@ -37,6 +37,8 @@ class MajorantGrid {
   /// then, become the smallest value times `smallest`. Bricks that are not constant get an allowance for the rounding of
   /// interpolation.
   void scale(float largest, float smallest);
+  /// Makes upper bounds positive exactly where those of a grid of the same bricks are. Bounds must be scaled.
+  void follow(const MajorantGrid& other);
   /// The same grid with bricks of twice the edge. Bounds must be scaled.
   MajorantGrid coarser() const;
 

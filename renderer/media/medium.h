@@ -102,6 +102,9 @@ class Medium {
   double diagonal() const;
   /// Only where `has_bricks()`.
   const MajorantGrid& majorants() const { return majorants_; }
+  /// The bricks of `majorants()`, each with about the largest emission in it, the mean channel of σa Le, in place of the bound; null where
+  /// nothing emits, or the medium is homogeneous or a sum. An estimate, for where to look.
+  const MajorantGrid* largest_emission() const { return largest_emission_ ? &*largest_emission_ : nullptr; }
   /// Where the emission of a medium that is not homogeneous comes from; null where there is none. That of the homogeneous
   /// parts of a sum is left out.
   const EmissionImportance* emission_importance() const { return emission_importance_.get(); }
@@ -156,6 +159,7 @@ class Medium {
   PhaseFunction phase_;
   MajorantGrid majorants_;
   std::shared_ptr<const EmissionImportance> emission_importance_;
+  std::optional<MajorantGrid> largest_emission_;
   std::vector<std::shared_ptr<const Medium>> parts_;
 };
 

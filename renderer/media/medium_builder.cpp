@@ -266,8 +266,13 @@ struct Medium::Builder {
 
   void set_emission_importance() {
     if (!medium.emits_) return;
+    const MajorantGrid& majorants = medium.majorants_;
+    MajorantGrid largest(finest_bounds.size() * finest_bounds.edge(), majorants.box(), majorants.map(), majorants.edge());
     medium.emission_importance_ = std::make_shared<const EmissionImportance>(
-        std::move(finest_bounds), [this](DVec3 p) { return mean_channel(medium.at(p).emission); });
+        std::move(finest_bounds), [this](DVec3 p) { return mean_channel(medium.at(p).emission); }, &largest);
+    largest.scale(1, 0);
+    largest.follow(majorants);
+    medium.largest_emission_ = std::move(largest);
   }
 
   void operator()(const RgbGridMediumDescription& d) {

@@ -29,6 +29,7 @@ enum class Feature : uint32_t {
   kRectangleSampling,
   kTowardsLight,
   kLightRoulette,
+  kEmissionCollisions,
 };
 
 struct FeatureInfo {
@@ -38,7 +39,7 @@ struct FeatureInfo {
 };
 
 /// All features, in the order in which they are written to headers.
-inline constexpr std::array<FeatureInfo, 18> kFeatures{{
+inline constexpr std::array<FeatureInfo, 19> kFeatures{{
     {Feature::kEquiangular, "equiangular", "distances to bounded lights in thin media in proportion to the light that arrives"},
     {Feature::kEmissionSampling, "emission-sampling", "bricks of media that emit are sampled as lights"},
     {Feature::kLightSampling, "light-sampling", "a light is sampled at every scattering"},
@@ -59,6 +60,7 @@ inline constexpr std::array<FeatureInfo, 18> kFeatures{{
     {Feature::kTowardsLight, "towards-light",
      "some scatterings in media that scatter forwards send a branch towards the light they sample"},
     {Feature::kLightRoulette, "light-roulette", "light samples in media that bring little end before their shadow ray is traced"},
+    {Feature::kEmissionCollisions, "emission-collisions", "rays from the camera have more collisions in bricks that emit much"},
 }};
 
 /// A set of features; all of them unless taken out.

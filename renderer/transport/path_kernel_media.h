@@ -76,6 +76,7 @@ std::optional<double> PathKernel<kMask>::track(const Medium& medium, double t_ma
   if (!std::isfinite(t_max) && medium.is_homogeneous()) return add_infinite_radiance();
   if (!emits && plan_.transmittance.grey && medium.is_achromatic()) return track_achromatic(medium, t_max);
   TentativeCollisions collisions(medium, ray_, t_max, flight_, plan_.transmittance.bricks, emits ? emission_rate(medium, t_max) : 0);
+  if (emits && plan_.emission_collisions) collisions.gather_emission(medium, ray_, t_max);
   // Where nothing scatters β only shrinks: once little is left of it roulette decides, as for shadow rays.
   const float little = kTransmittanceRoulette * max_component(glm::abs(beta_));
   while (collisions.next()) {

@@ -15,6 +15,9 @@ enum class Collide {
   kAboveLowerBound,  ///< what lies above the lower bound of σt, whose own optical depth is summed up (residual tracking)
 };
 
+/// Collisions on a ray where bricks emit, if nothing else can find the emission: as many in proportion to what each brick may bring.
+inline constexpr double kEmissiveCollisions = 12;
+
 /// Walks the Poisson process of rate σ̄(t) along ray.at(0 … t_max), σ̄ the piecewise constant majorant of the medium
 /// (Woodcock et al. 1965; Raab, Seibert & Keller 2006, section 3). The optical depth that is left of a step is carried
 /// into the next segment, so each collision costs one random number however many bricks lie between.
@@ -25,6 +28,19 @@ class TentativeCollisions {
   TentativeCollisions(const Medium& medium, const Ray& ray, double t_max, Stream& random, bool bricks = true, float least_rate = 0,
                       Collide collide = Collide::kMajorant)
       : walk_(medium, ray, t_max, bricks), random_(random), least_rate_(least_rate), collide_(collide) {}
+
+  /// More collisions where the medium emits: some kEmissiveCollisions along the ray, at rates in proportion to the largest emission of each
+  /// brick. Before the first `next`; for media with bricks.
+  void gather_emission(const Medium& medium, const Ray& ray, double t_max) {
+    if (medium.largest_emission() == nullptr) return;
+    const BrickIterator start(*medium.largest_emission(), ray, t_max);
+    double sum = 0;
+    for (BrickIterator all = start; const auto segment = all.next();)
+      sum += static_cast<double>(segment->sigma) * (segment->t1 - segment->t0);
+    if (!(sum > 0)) return;
+    emission_ = start;
+    rate_per_emission_ = kEmissiveCollisions / sum;
+  }
 
   /// Moves to the next collision; false at the end of the ray.
   bool next() {
@@ -66,6 +82,9 @@ class TentativeCollisions {
     inside_ = true;
     segment_ = *segment;
     segment_.sigma = std::max(segment_.sigma, least_rate_);
+    // The bricks of both are the same.
+    if (emission_)
+      segment_.sigma = std::max(segment_.sigma, static_cast<float>(rate_per_emission_ * static_cast<double>(emission_->next()->sigma)));
     t_ = segment_.t0;
     rate_ = segment_.sigma;
     if (collide_ == Collide::kAboveLowerBound && segment_.lower > 0) {
@@ -81,6 +100,8 @@ class TentativeCollisions {
   }
 
   MajorantIterator walk_;
+  std::optional<BrickIterator> emission_;
+  double rate_per_emission_ = 0;
   Stream& random_;
   float least_rate_;
   Collide collide_;

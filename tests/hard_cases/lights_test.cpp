@@ -130,6 +130,14 @@ TEST(HardCases, N64_a_huge_triangle_near_the_horizon_has_its_exact_irradiance) {
     const DVec3 cross = glm::cross(a, b);
     exact += 0.5 * std::atan2(glm::length(cross), glm::dot(a, b)) * glm::dot(glm::normalize(cross), n);
   }
+  // The solid angle of the rectangle, whose reciprocal is the density everywhere on it: four arcs of nearly a quarter of a turn each.
+  const auto arc = [h](long double x, long double y) {
+    return std::atan(x * y / (static_cast<long double>(h) * std::sqrt(x * x + y * y + static_cast<long double>(h) * h)));
+  };
+  const auto solid_angle = static_cast<double>(2 * (arc(1e5L, 1e5L) - arc(1, 1e5L)));
+  const auto sampled = lights.sample(0, Vec3(0), Vec2(0.3f, 0.6f), 0.5, ChooseBy::kArrival, Pieces::kRectangles);
+  ASSERT_TRUE(sampled);
+  EXPECT_NEAR(1 / static_cast<double>(sampled->pdf), solid_angle, 1e-6 * solid_angle);
   // As one rectangle, and as two triangles.
   for (const Pieces pieces : {Pieces::kRectangles, Pieces::kTriangles}) {
     Estimate irradiance;

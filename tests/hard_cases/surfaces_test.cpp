@@ -118,6 +118,8 @@ TEST(HardCases, N63_the_plane_of_a_huge_triangle_is_not_met_again) {
       const Ray ray{from, down};
       const auto hit = g.intersect(ray, kInf);
       ASSERT_TRUE(hit);
+      const double exact = ray.o.z / -ray.d.z;
+      EXPECT_NEAR(hit->t, exact, 1e-12 * exact) << cuts << " " << i;
       const SurfacePoint s = g.surface(*hit, ray);
       EXPECT_LT(std::abs(s.p.z), 1e-9f);
       const Vec3 grazing = glm::normalize(Vec3(random.uniform2() * 2.0f - 1.0f, 1e-4f));
