@@ -276,12 +276,19 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
   /// "Efficient unbiased variance reduction techniques for Monte Carlo simulations of radiative transfer in cloudy atmospheres", section
   /// 3.3). With p(w) the density of the path's own direction, both are divided by p(w) + probability · q(w): the balance heuristic.
   static constexpr float kBranchProbability = 0.15f;
+  /// Beside equiangular distances, where what passes the light closely is most of the noise.
+  static constexpr float kPassingBranchProbability = 0.3f;
   /// Per steradian: phase functions of a lower density straight ahead scatter too evenly for it.
   static constexpr float kMinForwardPeak = 0.3f;
   static constexpr uint32_t kTowardsLightBranch = 1;
 
   /// The probability of a branch at a vertex in a medium; 0 where none is worth while.
   float branch_probability(const PhaseMix& phase) const;
+  /// The direction of a branch and its density. Where distances are equiangular light is brightest close to its source, and a ray brings
+  /// in proportion to the inverse of its distance from there: so the angle to the light sample is uniform, q(w) = 1/(2π² sin θ), and
+  /// nothing depends on how closely a ray passes. Else q is the phase function of light that comes from there.
+  Vec3 branch_direction(const PhaseMix& phase, Vec3 to_light, Stream& random) const;
+  float branch_pdf(const PhaseMix& phase, Vec3 to_light, Vec3 w) const;
   void branch_towards_light(const PhaseMix& phase, Vec3 wo, DVec3 p, Vec3 to_light, float probability);
 
   // --- surfaces ------------------------------------------------------------------------------------------
@@ -495,6 +502,14 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
     int medium;
     Rgb share;  ///< of the channels at its start
   };
+
+  /// The last segment as the flight that led to a scattering at t; nothing where no distance on it was sampled so.
+  std::optional<FlightSegment> flight_to(double t) const {
+    if (vertex_ >= kEquiangularVertices) return std::nullopt;
+    FlightSegment flight = this_flight_;
+    flight.t = t;
+    return flight;
+  }
 
   /// Light of a bounded light scattered once on the way, at a distance in proportion to the inverse square of the distance
   /// to the light. The same light is found by free flight and light sampling, and by free flight and chance; the three are

@@ -159,7 +159,7 @@ void PathKernel<kMask>::sample_equiangular(const Medium& medium, double t_max) {
   const float density = pdf * choice->pmf * light->pdf, flown = flight_density(medium, shares(), t);
   const float mis = power_heuristic(density, flown * world_.lights.pmf(choice->light, p, plan_.choose_by) * light->pdf,
                                     light->delta ? 0 : flown * phase.pdf(wo, light->wi));
-  add(m.sigma_s * phase.eval(wo, light->wi) * light->radiance * to_point * to_light * (mis / density), [&] {
+  add(m.sigma_s * phase.eval(wo, light->wi) * light->radiance * to_point * to_light * (next_light_share_ * mis / density), [&] {
     return LightAdded{.technique = Technique::kEquiangular,
                       .source = choice->light,
                       .primitive = light->target.primitive,

@@ -161,13 +161,7 @@ template <uint32_t kMask>
 bool PathKernel<kMask>::scatter_in_medium(double t, DVec3 p) {
   const Medium& medium = world_.media[medium_];
   travelled_ += t;
-  if (uses(kEquiangular)) {
-    last_flight_.reset();
-    if (vertex_ < kEquiangularVertices) {
-      last_flight_ = this_flight_;
-      last_flight_->t = t;
-    }
-  }
+  if (uses(kEquiangular)) last_flight_ = flight_to(t);
   if (aov_weight_ > 0) record_first_hit(albedo(medium.is_separable() ? medium.unit() : sample_.look_up(medium, p)), Vec3(0));
   next_vertex();
   const PhaseMix phase = medium.phase_at(p);
@@ -198,7 +192,7 @@ bool PathKernel<kMask>::leave_in_medium(const PhaseMix& phase, DVec3 p, Vec3 wo,
   ray_ = {p, sample.wi, ray_.time};
   beta_ *= sample.weight;
   direction_pdf_ = sample.pdf;
-  if (branch_probability > 0) next_light_share_ = sample.pdf / (sample.pdf + branch_probability * phase.pdf(-to_light, sample.wi));
+  if (branch_probability > 0) next_light_share_ = sample.pdf / (sample.pdf + branch_probability * branch_pdf(phase, to_light, sample.wi));
   if (uses(kRefractedLight)) refraction_.reset();
   note([&] { return DirectionTaken{sample.wi, sample.pdf, beta_}; });
   after_scattering(p);

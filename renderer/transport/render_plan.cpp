@@ -45,7 +45,7 @@ RenderPlan::RenderPlan(const World& world, const PathSettings& settings)
       choose_by(settings.features.has(Feature::kLightTree) ? ChooseBy::kArrival : ChooseBy::kPower),
       emission_collisions(settings.features.has(Feature::kBricks) && settings.features.has(Feature::kEmissionCollisions)),
       towards_light(settings.plan && settings.features.has(Feature::kMis) && settings.features.has(Feature::kTowardsLight) &&
-                    (effects & kVolumeScattering) != 0 && (effects & (kEquiangular | kVolumeEmission)) == 0),
+                    (effects & kVolumeScattering) != 0 && (effects & kVolumeEmission) == 0),
       light_roulette(settings.features.has(Feature::kLightRoulette)),
       pieces(settings.features.has(Feature::kRectangleSampling) ? Pieces::kRectangles : Pieces::kTriangles),
       splits(settings.features.has(Feature::kSplitting) ? settings.splits : 1),

@@ -17,8 +17,8 @@ Techniques::Techniques(uint32_t effects, const PathSettings& settings) {
   equiangular = mis && settings.plan && light_sampling && on.has(Feature::kEquiangular) && (effects & kEquiangular) != 0;
   refraction = mis && settings.plan && light_sampling && on.has(Feature::kDielectricBoundaries) && (effects & kRefractedLight) != 0;
   emission_sampling = mis && settings.plan && on.has(Feature::kEmissionSampling) && (effects & kEmissionSampling) != 0;
-  // Branches know neither of equiangular samples nor of emission.
-  branches = mis && settings.plan && light_sampling && on.has(Feature::kTowardsLight) && !equiangular && (effects & kVolumeEmission) == 0;
+  // Branches know nothing of emission.
+  branches = mis && settings.plan && light_sampling && on.has(Feature::kTowardsLight) && (effects & kVolumeEmission) == 0;
 }
 
 Densities Densities::weights(bool mis) const {
@@ -53,14 +53,19 @@ double scattering_pdf(const SceneFormulas& scene, const LastVertex& vertex, DVec
   return scene.medium(vertex.medium).phase(vertex.p, vertex.wo, wi).pdf;
 }
 
-double branch_pdf(const SceneFormulas& scene, const LastVertex& vertex, DVec3 to_light, DVec3 wi) {
+double branch_pdf(const SceneFormulas& scene, const Techniques& techniques, const LastVertex& vertex, DVec3 to_light, DVec3 wi) {
+  // The angle to the light is uniform from 0 to π, and so is that around it.
+  if (techniques.equiangular)
+    return 0.5 / (std::pow(std::numbers::pi, 2) * glm::length(glm::cross(glm::normalize(to_light), glm::normalize(wi))));
   return scene.medium(vertex.medium).phase(vertex.p, -to_light, wi).pdf;
 }
 
 double branch_probability(const SceneFormulas& scene, const Techniques& techniques, const LastVertex& vertex) {
-  const double ahead = branch_pdf(scene, vertex, vertex.wo, vertex.wo);
+  if (!techniques.branches) return 0;
+  if (techniques.equiangular) return vertex.scatterings_before + 1 < 3 ? 0.3 : 0;
+  const double ahead = scene.medium(vertex.medium).phase(vertex.p, -vertex.wo, vertex.wo).pdf;
   if (std::abs(ahead / 0.3 - 1) < 1e-4) throw TooNear{};
-  return techniques.branches && ahead > 0.3 ? 0.15 : 0;
+  return ahead > 0.3 ? 0.15 : 0;
 }
 
 double flight_pdf(const MediumFormula& medium, DVec3 share, DVec3 p, double t) {

@@ -78,7 +78,7 @@ double scattering_tolerance(const SceneFormulas& scene, const LastVertex& vertex
 /// Of the direction, by scattering.
 double scattering_pdf(const SceneFormulas& scene, const LastVertex& vertex, DVec3 wi);
 /// Of the direction of a branch towards a light: as if light came from there.
-double branch_pdf(const SceneFormulas& scene, const LastVertex& vertex, DVec3 to_light, DVec3 wi);
+double branch_pdf(const SceneFormulas& scene, const Techniques& techniques, const LastVertex& vertex, DVec3 to_light, DVec3 wi);
 /// Of a branch at a vertex that sampled a light there; 0 where the technique is not used. Throws TooNear.
 double branch_probability(const SceneFormulas& scene, const Techniques& techniques, const LastVertex& vertex);
 /// Of the distance t by free flight; where extinction varies, as if it had its mean everywhere.

@@ -479,6 +479,11 @@ void PathCheck::check_value(const LightAdded& e, const LastVertex& vertex, const
     value *= light_share_;
     slack += share_slack_;
   }
+  if (e.technique == Technique::kEquiangular) {
+    report_->shared += next_light_share_ < 1;
+    value *= next_light_share_;
+    slack += next_slack_;
+  }
   if (e.technique == Technique::kLightSample && vertex.kind == LastVertex::Kind::kMedium && has(Feature::kLightRoulette)) {
     // Traced in any case from 4π β f = ½ on.
     const double survival = std::min(1.0, 8 * std::numbers::pi * directions_ * largest(so_far_.beta() * *f * light_share_));

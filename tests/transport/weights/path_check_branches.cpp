@@ -10,7 +10,7 @@ namespace woodcock::testing {
 
 double PathCheck::light_share(const LastVertex& vertex, DVec3 wi) const {
   const double p = scattering_pdf(scene_, vertex, wi);
-  return p / (p + branch_->probability * branch_pdf(scene_, vertex, branch_->to_light, wi));
+  return p / (p + branch_->probability * branch_pdf(scene_, techniques_, vertex, branch_->to_light, wi));
 }
 
 void PathCheck::see(const BranchPossible& e) {
@@ -24,7 +24,7 @@ void PathCheck::see(const BranchStarts& e) {
   fork_ = static_cast<const PathState&>(*this);
   // Both ways to find what light samples find at the next vertex.
   const auto density = [&](const LastVertex& v, DVec3 wi) {
-    return scattering_pdf(scene_, v, wi) + branch_->probability * branch_pdf(scene_, v, branch_->to_light, wi);
+    return scattering_pdf(scene_, v, wi) + branch_->probability * branch_pdf(scene_, techniques_, v, branch_->to_light, wi);
   };
   const DVec3 value = scattering_value(scene_, vertex_, e.wi).value();
   const double p = density(vertex_, e.wi);
