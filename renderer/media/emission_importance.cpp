@@ -5,8 +5,8 @@
 namespace woodcock {
 namespace {
 
-/// 4 MiB of tables at the most; 64³ bricks.
-constexpr int64_t kMaxBricks = 1 << 18;
+/// 16 MiB of tables at the most; 100³ bricks.
+constexpr int64_t kMaxBricks = 1 << 20;
 /// Look-ups of emission when a medium is built: about a second.
 constexpr int64_t kMaxLookUps = 1 << 22;
 /// The part of the density that goes by volume alone.
@@ -51,30 +51,37 @@ EmissionImportance::EmissionImportance(MajorantGrid bounds, const std::function<
   auto layer = std::make_shared<Layer>();
   layer->size = bounds.size();
   layer->edge = bounds.edge();
+  // Flames are thin: a point drawn evenly from a brick of several cells would miss most of what it emits.
+  while (layer->edge > 1 && count(layer->size * 2) <= kMaxBricks) {
+    layer->size *= 2;
+    layer->edge /= 2;
+  }
   layer->box = bounds.box();
   layer->map = bounds.map();
   layer->render_from_cell = layer->map.render_from_cell();
   const double cell_volume = std::pow(layer->map.cell_edge(), 3);
 
+  const auto is_filled = [&](IVec3 b) { return bounds.bound(b * layer->edge / bounds.edge()) > 0; };
   int64_t filled = 0;
-  for_each_brick(layer->size, [&](IVec3 b) { filled += bounds.bound(b) > 0; });
-  int stride = 1;
-  while (stride < layer->edge && filled * count(IVec3(layer->edge / stride)) > kMaxLookUps) stride *= 2;
-  const IVec3 points(layer->edge / stride);
+  for_each_brick(layer->size, [&](IVec3 b) { filled += is_filled(b); });
+  // Two an edge of a cell where they are few enough, since emission may be zero at the middle and not beside it.
+  int points = 2 * layer->edge;
+  while (points > 1 && filled * count(IVec3(points)) > kMaxLookUps) points /= 2;
+  const double spacing = static_cast<double>(layer->edge) / points;
   std::vector<double> powers, volumes;
   for_each_brick(layer->size, [&](IVec3 b) {
     const CellBox box = layer->brick_box(b);
     const DVec3 extent = glm::max(box.upper - box.lower, DVec3(0));
-    volumes.push_back(bounds.bound(b) > 0 ? extent.x * extent.y * extent.z * cell_volume : 0);
+    volumes.push_back(is_filled(b) ? extent.x * extent.y * extent.z * cell_volume : 0);
     double sum = 0;
     if (volumes.back() > 0)
-      for_each_brick(points, [&](IVec3 v) {
-        const IVec3 first = b * layer->edge + v * stride;
-        const double value = emission(DVec3(layer->render_from_cell * glm::dvec4(DVec3(first) + 0.5 * stride, 1)));
+      for_each_brick(IVec3(points), [&](IVec3 v) {
+        const DVec3 first = DVec3(b * layer->edge) + DVec3(v) * spacing;
+        const double value = emission(DVec3(layer->render_from_cell * glm::dvec4(first + 0.5 * spacing, 1)));
         sum += value;
-        if (largest != nullptr) largest->add_block(first, first + stride - 1, static_cast<float>(value));
+        if (largest != nullptr) largest->add_block(IVec3(first), IVec3(glm::ceil(first + spacing)) - 1, static_cast<float>(value));
       });
-    powers.push_back(sum * stride * stride * stride * cell_volume);
+    powers.push_back(sum * std::pow(spacing, 3) * cell_volume);
     layer->power += powers.back();
   });
   layer->power *= 4 * 3.14159265358979323846;

@@ -17,9 +17,10 @@ namespace woodcock {
 /// emission may be, whatever the estimate missed (a defensive mixture: Hesterberg 1995).
 class EmissionImportance {
  public:
-  /// `emission`: the mean channel of σa Le at a render-space point, per render unit. It is looked up at voxel centres, or
-  /// at every second or fourth … one where these are many. `bounds`: positive in every brick where it may be positive; its
-  /// bricks are joined until they are few enough for a table. What is looked up is added to `largest`, a grid over the same voxels.
+  /// `emission`: the mean channel of σa Le at a render-space point, per render unit. It is looked up at eight
+  /// points a voxel, or fewer where voxels are many. `bounds`: positive in every brick where it may be positive; its
+  /// bricks are divided or joined until they are as many as a table may hold. What is looked up is added to `largest`, a grid over the same
+  /// voxels.
   EmissionImportance(MajorantGrid bounds, const std::function<double(DVec3)>& emission, MajorantGrid* largest = nullptr);
   /// A mixture, in proportion to power.
   explicit EmissionImportance(std::span<const EmissionImportance* const> parts);

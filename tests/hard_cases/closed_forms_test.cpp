@@ -77,6 +77,10 @@ TEST(HardCases, N50_emission_is_seen_through_its_own_absorption_however_thin_or_
                  what);
     expect_value(estimate(along_a_diameter(constant_rgb_grid("m", Rgb(sigma), Rgb(0), 1.5, 0, Rgb(le)), 0.25f), 10000, 1), expected, 0.02,
                  what);
+    // A sum of two halves.
+    const std::string halves =
+        constant_grid("a", Rgb(sigma / 2), Rgb(0), 1.5, 0, Rgb(le)) + constant_grid("b", Rgb(sigma / 2), Rgb(0), 1.5, 0, Rgb(le));
+    expect_value(estimate(along_a_diameter(halves + sum("m", "\"a\" \"b\""), 0.25f), 10000, 1), expected, 0.02, what + ", sum");
   }
 }
 

@@ -176,7 +176,7 @@ class Copy:
         try:
             done = self.run([str(self.build / 'tests' / program), f'--gtest_filter=*.{name}:*.{name}/*'], seconds, self.build)
         except subprocess.TimeoutExpired:
-            return f'no end within {seconds} s'
+            return f'no end within {seconds:.0f} s'
         if done.returncode == 0:
             # A filter that meets nothing passes as well.
             return None if re.search(r'\[  PASSED  \] [1-9]', done.stdout) else sys.exit(f'run_mutants: {program} has no test {name}')
@@ -186,8 +186,8 @@ class Copy:
         return ' '.join(said[1].split())[:160] if said else f'exit code {done.returncode}'
 
 
-def judge(copy, mutant, programs_of, seconds):
-    """(verdict, detail) of one mutant. The copy's files are as they were afterwards."""
+def judge(copy, mutant, programs_of, longest):
+    """(verdict, detail) of one mutant; `longest`: seconds by test. The copy's files are as they were afterwards."""
     texts, reason = mutated(copy.tree, mutant)
     if texts is None:
         return 'stale', reason
@@ -201,7 +201,7 @@ def judge(copy, mutant, programs_of, seconds):
             return 'broken', error[0].strip()[:200] if error else 'the build failed'
         first = ''
         for test in mutant.tests:
-            failures = [copy.test(program, test, seconds) for program in programs_of[test]]
+            failures = [copy.test(program, test, longest[test]) for program in programs_of[test]]
             if None in failures:
                 return 'survived', f'{test} passes without the defence: {mutant.defence}'
             first = first or f'{test}: {failures[0]}'
@@ -251,17 +251,21 @@ def main():
     wrong = copy.make({program for test in tests for program in programs_of[test]})
     if wrong is not None:
         sys.exit(f'run_mutants: the tree does not build:\n{wrong[-4000:]}')
+    # A mutant may make a test run for ever: ten times what it takes with its defence is enough.
+    longest = {}
     for test in tests:
+        start = time.monotonic()
         for program in programs_of[test]:
             if (failure := copy.test(program, test, arguments.timeout)) is not None:
                 sys.exit(f'run_mutants: {test} fails with its defence in place: {failure}')
+        longest[test] = min(arguments.timeout, 60 + 10 * (time.monotonic() - start))
     print(f'{len(tests)} tests pass with their defences in place', flush=True)
 
     counts = dict.fromkeys(['caught', 'survived', 'stale', 'broken'], 0)
     # Mutants of one file follow each other: what is put back is built along with the next.
     for mutant in sorted(mutants, key=lambda m: (m.edits[0].file, m.name)):
         start = time.monotonic()
-        verdict, detail = judge(copy, mutant, programs_of, arguments.timeout)
+        verdict, detail = judge(copy, mutant, programs_of, longest)
         counts[verdict] += 1
         print(f'{verdict:<8} {mutant.name:<6} {mutant.edits[0].file} ({time.monotonic() - start:.0f} s) {detail}', flush=True)
     print(', '.join(f'{count} {verdict}' for verdict, count in counts.items()))

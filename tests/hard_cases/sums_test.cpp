@@ -10,10 +10,6 @@
 namespace woodcock::testing {
 namespace {
 
-std::string sum(const std::string& name, const std::string& parts) {
-  return "MakeNamedMedium \"" + name + "\" \"string type\" \"sum\" \"string media\" [ " + parts + " ]\n";
-}
-
 std::string ball_of(const std::string& media, double fov = 30, int depth = 1000) {
   return perspective({0, 0, 4}, {0, 0, 0}, fov, depth) + "WorldBegin\n" + environment({1, 2, 3}) + media + boundary("m", "", sphere(1));
 }

@@ -69,6 +69,10 @@ std::string homogeneous(const std::string& name, Rgb sigma_a, Rgb sigma_s, doubl
 /// and an rgbgrid. They reach one voxel farther, so that the interpolant is constant inside.
 std::string constant_grid(const std::string& name, Rgb sigma_a, Rgb sigma_s, double half, double g = 0, Rgb emission = Rgb(0));
 std::string constant_rgb_grid(const std::string& name, Rgb sigma_a, Rgb sigma_s, double half, double g = 0, Rgb emission = Rgb(0));
+/// Of media named as in a pbrt file: `"a" "b"`.
+inline std::string sum(const std::string& name, const std::string& parts) {
+  return "MakeNamedMedium \"" + name + "\" \"string type\" \"sum\" \"string media\" [ " + parts + " ]\n";
+}
 /// AttributeBegin … AttributeEnd around an index-matched boundary.
 std::string boundary(const std::string& inside, const std::string& outside, const std::string& shape);
 
