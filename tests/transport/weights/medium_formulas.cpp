@@ -77,7 +77,7 @@ MediumFormula::MediumFormula(const MediumDescription& medium, const RenderSpace&
   grid.cell_volume = 1 / std::abs(glm::determinant(glm::dmat3(grid.cell_from_render)));
   grid_ = std::move(grid);
   average();
-  if (emits_) add_bricks();
+  if (emits_) add_voxels();
 }
 
 /// An interpolant is linear along each axis of half a cell: its mean there is its value in the middle.
@@ -180,26 +180,22 @@ double MediumFormula::emitted_power() const {
   return sum;
 }
 
-/// In proportion to the emission at voxel centres, and a 64th of it by volume.
-void MediumFormula::add_bricks() {
-  bricks_ = (grid_->size + (kEdge - 1)) / kEdge;
-  std::vector<double> power, volume;
-  double all_power = 0, all_volume = 0;
-  for_each(bricks_, [&](IVec3 b) {
+/// Voxel by voxel, in proportion to the emission at eight points of each, and a 64th of it by volume.
+void MediumFormula::add_voxels() {
+  std::vector<double> power;
+  double all_power = 0;
+  for_each(grid_->size, [&](IVec3 v) {
     double sum = 0;
-    for_each(IVec3(kEdge), [&](IVec3 v) {
-      const DVec3 c = DVec3(kEdge * b + v) + 0.5;
+    for_each(IVec3(2), [&](IVec3 half) {
+      const DVec3 c = DVec3(v) + 0.25 + 0.5 * DVec3(half);
       const DVec3 le = grid_->emission.empty() ? le_ : interpolate(grid_->emission, c);
       sum += mean(interpolate(grid_->sigma_a, c) * le);
     });
-    const DVec3 extent = glm::min(DVec3(kEdge), DVec3(grid_->size - kEdge * b));
-    power.push_back(sum * grid_->cell_volume);
-    volume.push_back(extent.x * extent.y * extent.z * grid_->cell_volume);
+    power.push_back(sum / 8 * grid_->cell_volume);
     all_power += power.back();
-    all_volume += volume.back();
   });
   for (size_t i = 0; i < power.size(); ++i)
-    brick_pdf_.push_back((power[i] / all_power + volume[i] / all_volume / 64) / (1 + 1.0 / 64) / volume[i]);
+    voxel_pdf_.push_back((power[i] / all_power + 1.0 / static_cast<double>(power.size()) / 64) / (1 + 1.0 / 64) / grid_->cell_volume);
   power_ = 4 * std::numbers::pi * all_power;
 }
 
@@ -218,15 +214,13 @@ double MediumFormula::emission_pdf(DVec3 p) const {
     if (std::abs(outside) < 1e-4) throw TooNear{};
     if (outside > 0) return 0;
   }
-  IVec3 brick;
+  IVec3 v;
   for (int i = 0; i < 3; ++i) {
-    const double in_bricks = c[i] / kEdge;
     // At a face rounding decides.
-    if (bricks_[i] > 1 && std::abs(in_bricks - std::round(in_bricks)) < 1e-5 && in_bricks > 0.5 && in_bricks < bricks_[i] - 0.5)
-      throw TooNear{};
-    brick[i] = std::clamp(static_cast<int>(std::floor(in_bricks)), 0, bricks_[i] - 1);
+    if (std::abs(c[i] - std::round(c[i])) < 1e-5 && c[i] > 0.5 && c[i] < grid_->size[i] - 0.5) throw TooNear{};
+    v[i] = std::clamp(static_cast<int>(std::floor(c[i])), 0, grid_->size[i] - 1);
   }
-  return brick_pdf_[place(brick, bricks_)];
+  return voxel_pdf_[place(v, grid_->size)];
 }
 
 std::pair<double, double> Body::chord(DVec3 o, DVec3 d) const {

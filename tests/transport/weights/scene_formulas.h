@@ -103,22 +103,20 @@ class MediumFormula {
     double cell_volume;
     std::vector<DVec3> sigma_a, sigma_s, emission;  ///< of voxels; emission is Le
   };
-  static constexpr int kEdge = 4;  ///< of a brick, in cells
 
   DVec3 cell(DVec3 p) const { return DVec3(grid_->cell_from_render * glm::dvec4(p, 1)); }
   double diagonal() const;
   DVec3 interpolate(const std::vector<DVec3>& voxels, DVec3 cell) const;
   DVec3 voxel(const std::vector<DVec3>& voxels, IVec3 v) const;
   void average();
-  void add_bricks();
+  void add_voxels();
 
   std::optional<Grid> grid_;
   DVec3 sigma_a_{0}, sigma_s_{0}, le_{0};  ///< homogeneous
   PhaseDescription phase_;
   bool scatters_ = false, emits_ = false;
   double mean_ = 0, power_ = 0;
-  IVec3 bricks_{0};
-  std::vector<double> brick_pdf_;
+  std::vector<double> voxel_pdf_;
   std::vector<MediumFormula> parts_;
 };
 
