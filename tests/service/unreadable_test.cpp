@@ -17,7 +17,9 @@ class F26 : public FarmFault {
     return count;
   }
   /// All at once: to remove a folder file by file would meet what its program removes at the same time.
-  void take_away(const fs::path& folder) { fs::rename(folder, folder_ / ("gone" + std::to_string(gone_++))); }
+  void take_away(const fs::path& folder) {
+    if (fs::exists(folder)) fs::rename(folder, folder_ / ("gone" + std::to_string(gone_++)));
+  }
 
  private:
   int gone_ = 0;
