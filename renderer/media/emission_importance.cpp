@@ -46,7 +46,7 @@ CellBox EmissionImportance::Layer::brick_box(IVec3 brick) const {
   return result;
 }
 
-EmissionImportance::EmissionImportance(MajorantGrid bounds, const std::function<double(DVec3)>& emission, MajorantGrid* largest) {
+EmissionImportance::EmissionImportance(MajorantGrid bounds, const std::function<double(DVec3)>& emission, MajorantGrid& largest) {
   while (count(bounds.size()) > kMaxBricks) bounds = bounds.coarser();
   auto layer = std::make_shared<Layer>();
   layer->size = bounds.size();
@@ -79,7 +79,7 @@ EmissionImportance::EmissionImportance(MajorantGrid bounds, const std::function<
         const DVec3 first = DVec3(b * layer->edge) + DVec3(v) * spacing;
         const double value = emission(DVec3(layer->render_from_cell * glm::dvec4(first + 0.5 * spacing, 1)));
         sum += value;
-        if (largest != nullptr) largest->add_block(IVec3(first), IVec3(glm::ceil(first + spacing)) - 1, static_cast<float>(value));
+        largest.add_block(IVec3(first), IVec3(glm::ceil(first + spacing)) - 1, static_cast<float>(value));
       });
     powers.push_back(sum * std::pow(spacing, 3) * cell_volume);
     layer->power += powers.back();

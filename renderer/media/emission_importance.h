@@ -1,4 +1,4 @@
-// Points of a volume that glow, in proportion to how much.
+// Points of a volume that emits, in proportion to how much.
 #pragma once
 
 #include <functional>
@@ -21,7 +21,7 @@ class EmissionImportance {
   /// points a voxel, or fewer where voxels are many. `bounds`: positive in every brick where it may be positive; its
   /// bricks are divided or joined until they are as many as a table may hold. What is looked up is added to `largest`, a grid over the same
   /// voxels.
-  EmissionImportance(MajorantGrid bounds, const std::function<double(DVec3)>& emission, MajorantGrid* largest = nullptr);
+  EmissionImportance(MajorantGrid bounds, const std::function<double(DVec3)>& emission, MajorantGrid& largest);
   /// A mixture, in proportion to power.
   explicit EmissionImportance(std::span<const EmissionImportance* const> parts);
 

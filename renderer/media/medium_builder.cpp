@@ -269,7 +269,7 @@ struct Medium::Builder {
     const MajorantGrid& majorants = medium.majorants_;
     MajorantGrid largest(finest_bounds.size() * finest_bounds.edge(), majorants.box(), majorants.map(), majorants.edge());
     medium.emission_importance_ = std::make_shared<const EmissionImportance>(
-        std::move(finest_bounds), [this](DVec3 p) { return mean_channel(medium.at(p).emission); }, &largest);
+        std::move(finest_bounds), [this](DVec3 p) { return mean_channel(medium.at(p).emission); }, largest);
     largest.scale(1, 0);
     largest.follow(majorants);
     medium.largest_emission_ = std::move(largest);
@@ -299,7 +299,7 @@ struct Medium::Builder {
     const BrickField<Rgb>& shape = rgb.sigma_a ? *rgb.sigma_a : *rgb.sigma_s;
     MajorantGrid grid(size, shape.box(), shape.map(), kFinestEdge);
     medium.grey_ = true;
-    bool glows = false;
+    bool has_emission = false;
     for_each_voxel(size, [&](IVec3 v) {
       const auto value = [&](const std::optional<RgbVolume>& volume) { return volume ? volume->at(v.x, v.y, v.z) * scale : Rgb(scale); };
       const Rgb a = value(sigma_a), s = value(sigma_s);
@@ -310,9 +310,9 @@ struct Medium::Builder {
       medium.attenuates_ = medium.attenuates_ || !is_black(sigma_t);
       medium.scatters_ = medium.scatters_ || (terms.in_scattering && !is_black(s));
       medium.emits_ = medium.emits_ || !is_black(a);
-      glows = glows || (emission && d.emission_scale > 0 && !is_black(emission->at(v.x, v.y, v.z)));
+      has_emission = has_emission || (emission && d.emission_scale > 0 && !is_black(emission->at(v.x, v.y, v.z)));
     });
-    medium.emits_ = medium.emits_ && glows && terms.emission;
+    medium.emits_ = medium.emits_ && has_emission && terms.emission;
     grid.scale(1, 1);
     may_emit = medium.emits_;
     set_majorants(std::move(grid));

@@ -60,7 +60,7 @@ inline constexpr std::array<FeatureInfo, 19> kFeatures{{
     {Feature::kTowardsLight, "towards-light",
      "some scatterings in media that scatter forwards send a branch towards the light they sample"},
     {Feature::kLightRoulette, "light-roulette", "light samples in media that bring little end before their shadow ray is traced"},
-    {Feature::kEmissionCollisions, "emission-collisions", "rays from the camera have more collisions in bricks that emit much"},
+    {Feature::kEmissionCollisions, "emission-collisions", "every ray has more collisions in bricks that emit much"},
 }};
 
 /// A set of features; all of them unless taken out.

@@ -15,7 +15,7 @@ enum class Collide {
   kAboveLowerBound,  ///< what lies above the lower bound of σt, whose own optical depth is summed up (residual tracking)
 };
 
-/// Collisions on a ray where bricks emit, if nothing else can find the emission: as many in proportion to what each brick may bring.
+/// Collisions on a ray for the sake of emission, spread over bricks in proportion to what each may bring.
 inline constexpr double kEmissiveCollisions = 12;
 
 /// Walks the Poisson process of rate σ̄(t) along ray.at(0 … t_max), σ̄ the piecewise constant majorant of the medium
