@@ -238,10 +238,12 @@ TEST(LargeJobs, F32_WhatHasEndedIsListedInPagesFromTheDatabaseAndARestartReadsWh
     store.stop();
   }
   CoordinatorWorld world(folder.path);
-  const std::string running = world.coordinator->submit(world.request("r1")).job_id();
-  const std::string done = world.coordinator->submit(world.request("r2")).job_id();
+  const std::string first = world.coordinator->submit(world.request("r1")).job_id();
   EXPECT_EQ(world.work("w1"), 4);
-  world.wait_until_ended(running);
+  world.wait_until_ended(first);
+  const std::string done = world.coordinator->submit(world.request("r2")).job_id();
+  EXPECT_EQ(world.work("w1"), 0);
+  world.wait_until_ended(done);
   const std::string last = world.coordinator->submit(world.request("r3", 16)).job_id();
   world.stop();
   const int64_t before = resident_memory();
@@ -265,7 +267,7 @@ TEST(LargeJobs, F32_WhatHasEndedIsListedInPagesFromTheDatabaseAndARestartReadsWh
   }
   EXPECT_THROW(world.coordinator->list(7, "nobody"), rpc::RpcError);
   // A list and a look at one job tell the same, whether it runs or not.
-  for (const std::string& id : {running, done, last, std::string("e1234")}) {
+  for (const std::string& id : {first, done, last, std::string("e1234")}) {
     v1::Job job = world.coordinator->job(id);
     EXPECT_EQ(job.frames_size(), 1);
     job.clear_frames();
