@@ -90,6 +90,8 @@ class Coordinator {
     uint64_t token = 0;
     uint64_t sequence = 0;
     std::vector<Offer> offers;
+    std::vector<bool> present;                                  ///< parallel to offers: whether the blob is here
+    std::vector<bool> asked;                                    ///< parallel to offers: the database is asked
     std::vector<std::pair<OfferStatus, std::string>> verdicts;  ///< parallel to offers
     Time deadline = 0;
     uint64_t tried = 0;  ///< value of changes_ when grants were last tried
@@ -103,6 +105,18 @@ class Coordinator {
     Time not_before = 0;
     uint64_t revision = 0;  ///< of the frame when its merge began
   };
+  /// What a tile of a frame cost.
+  struct TileCost {
+    TaskArea area;
+    int64_t cpu_ns = 0;
+    bool reused = false;
+  };
+  /// A frame at one moment.
+  struct FrameSeen {
+    v1::FrameStatus status;
+    Frame frame;
+    int index = 0;
+  };
   using Completions = std::vector<std::function<void()>>;
 
   void recover();
@@ -110,15 +124,35 @@ class Coordinator {
   void carry_out(const Action& action);
   bool try_answer(const std::string& worker_id, HeldSync& held, Completions& completions);
   void decide_offers(const std::string& worker_id, HeldSync& held);
+  void ask_store(const std::string& worker_id, HeldSync& held, size_t offer);
+  void tell_committed(const action::CommitTask& commit);
+  void raise_alarm(const TaskRef& task, const std::string& worker_id, const std::string& message);
+  void find_results(const action::FindResults& find);
+  void release(const std::string& job);
   /// Refuses by name a worker that believes to talk to another coordinator than this one: nothing of its report concerns us.
   bool meets_a_stranger(const v1::SyncRequest& request, const SyncDone& done);
   template <typename Work>
   auto locked(Work work);
+  /// mutex_ held. Throws RpcError kNotFound where it is not in memory: see wake() for jobs that have ended.
   const Job& must_find(const std::string& id) const;
-  v1::Job view(const std::string& id, bool with_frames) const;
-  AssembleRequest assemble_request(const Job& job, const Frame& frame, std::vector<TaskRef>& tasks) const;
+  /// A job of the database as it shows itself, without tasks. The last one is kept: who fetches a sequence asks for its frames one by
+  /// one. Throws RpcError kNotFound.
+  std::shared_ptr<const Job> stored(const std::string& id);
+  void forget_stored();
+  Job stored_with_tasks(const std::string& id);
+  void must_exist(const std::string& id);
+  /// Runs `work` with the mutex held and the job in memory, read from the database where it has ended. Throws RpcError kNotFound.
+  template <typename Work>
+  void wake(const std::string& id, Work work);
+  /// Runs `work` with the mutex held and the job in memory. Throws RpcError kFailedPrecondition where it has ended, kNotFound.
+  template <typename Work>
+  void while_running(const std::string& id, Work work);
   std::vector<TaskRef> damaged_tiles(const std::vector<TaskRef>& tasks, const std::vector<std::string>& paths) const;
+  FrameSeen see_frame(const std::string& id, uint64_t number);
+  std::string temporary_file(const std::string& name);
   void reopen(const std::vector<TaskRef>& tasks, const std::string& reason, bool refused_by_merge);
+  AssembleRequest assemble_request(const TaskRef& first, const Frame& frame, int64_t base, std::vector<TaskRef>& tasks,
+                                   std::vector<TileCost>& costs);
   void assemble_one(AssembleJob& job);
   /// mutex_ held. Whether the frame was extended, reopened or ended since its merge began.
   bool is_stale(const AssembleJob& job) const;
@@ -135,13 +169,17 @@ class Coordinator {
   BlobStore blobs_;
   std::unique_ptr<Store> store_;
 
+  std::mutex last_stored_mutex_;  // taken last
+  // Guarded by last_stored_mutex_:
+  std::shared_ptr<const Job> last_stored_;
+  uint64_t woken_ = 0;     ///< jobs that came back from the database
+  std::mutex wake_mutex_;  // taken before mutex_: one job at a time comes back to memory
   mutable std::mutex mutex_;
   std::condition_variable wake_assembler_;
   std::condition_variable wake_ticker_;
   // Guarded by mutex_:
   std::unique_ptr<Scheduler> scheduler_;
   std::map<std::string, HeldSync> held_;
-  std::map<std::string, int64_t> last_event_;
   std::deque<AssembleJob> to_assemble_;
   std::string address_;
   uint64_t next_token_ = 0;

@@ -103,14 +103,16 @@ ServiceTest::~ServiceTest() {
   coordinator_.reset();
 }
 
-void ServiceTest::start_coordinator(int lease_seconds, int port, const std::vector<std::string>& more) {
+void ServiceTest::start_coordinator(int lease_seconds, int port, const std::vector<std::string>& more,
+                                    const std::map<std::string, std::string>& environment) {
   const fs::path dir = folder_ / "coordinator";
   fs::create_directories(dir);
   fs::remove(dir / "address");
   std::vector<std::string> arguments{
       "--dir", dir, "--listen", "127.0.0.1:" + std::to_string(port), "--lease", std::to_string(lease_seconds), "--grace", "1"};
   arguments.insert(arguments.end(), more.begin(), more.end());
-  coordinator_ = std::make_unique<Program>("woodcock-coordinator", arguments, folder_ / ("coordinator" + std::to_string(++runs_)));
+  coordinator_ =
+      std::make_unique<Program>("woodcock-coordinator", arguments, folder_ / ("coordinator" + std::to_string(++runs_)), environment);
   ASSERT_TRUE(eventually(kPatience, [&] { return fs::exists(dir / "address") || !coordinator_->running(); }));
   ASSERT_TRUE(coordinator_->running()) << coordinator_->err();
   address_ = contents(dir / "address");
