@@ -35,7 +35,7 @@ Coordinator::Coordinator(const CoordinatorOptions& options)
   spdlog::info("cluster {}, leader term {}", store_->cluster_id(), store_->term());
   scheduler_ = std::make_unique<Scheduler>(scheduler);
   recover();
-  assembler_ = std::thread([this] { run_assembler(); });
+  for (int i = 0; i < options.merges_at_once; ++i) assemblers_.emplace_back([this] { run_assembler(); });
   ticker_ = std::thread([this] { run_ticker(); });
 }
 
@@ -65,7 +65,7 @@ Coordinator::~Coordinator() {
   }
   wake_assembler_.notify_all();
   wake_ticker_.notify_all();
-  assembler_.join();
+  for (std::thread& assembler : assemblers_) assembler.join();
   ticker_.join();
   store_->stop();
 }

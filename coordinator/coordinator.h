@@ -10,8 +10,10 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "coordinator/assembler.h"
@@ -21,6 +23,7 @@
 #include "coordinator/store.h"
 #include "rpc/error.h"
 #include "woodcock/v1/jobs_service.pb.h"
+#include "woodcock/v1/scenes_service.pb.h"
 #include "woodcock/v1/workers_service.pb.h"
 
 namespace woodcock::coordinator {
@@ -35,6 +38,8 @@ struct CoordinatorOptions {
   Time busy_sync_hold = 2 * kSecond;  ///< and that of one that renders: how old its progress may be
   size_t max_backlog = 50'000;        ///< operations that wait for the database
   AssembleFunction assemble_tiles = assemble;
+  int merges_at_once = 1;                                   ///< of settled frames
+  std::string scene_reader;                                 ///< the program `woodcock`; empty: there is none, and no scenes are read
   std::function<Time()> now;                                ///< boot-time clock
   std::function<int64_t()> unix_ms;                         ///< wall clock, for people only
   std::function<void(const std::string& reason)> on_fatal;  ///< must not return
@@ -67,6 +72,10 @@ class Coordinator {
   v1::Job extend(const std::string& id, int64_t samples, std::optional<double> target_error, double max_seconds = 0);
   v1::RepinJobResponse repin(const std::string& id);
   v1::GetFrameResponse frame(const std::string& id, uint64_t frame, bool partial);
+  /// The picture of a finished frame as a blob, with its size. Throws as frame() does.
+  std::pair<std::string, int64_t> picture(const std::string& id, uint64_t frame);
+  /// Reads a scene and submits it (scene_reader.h).
+  v1::SubmitSceneResponse submit_scene(const v1::SubmitSceneRequest& request);
   std::vector<v1::TaskAttempt> task_log(const std::string& job_id, const std::string& task_id);
   /// Events after the cursor, at most 1000, and the job now. `finished`: it has ended and there are no more events.
   v1::WatchJobResponse watch(const std::string& id, int64_t after_event, bool& finished);
@@ -181,6 +190,7 @@ class Coordinator {
   std::unique_ptr<Scheduler> scheduler_;
   std::map<std::string, HeldSync> held_;
   std::deque<AssembleJob> to_assemble_;
+  std::set<std::pair<std::string, int>> being_assembled_;  // job and frame
   std::string address_;
   uint64_t next_token_ = 0;
   uint64_t changes_ = 1;
@@ -188,7 +198,7 @@ class Coordinator {
   bool stopping_ = false;
   std::string leader_id_;  // of this start; constant
 
-  std::thread assembler_;
+  std::vector<std::thread> assemblers_;
   std::thread ticker_;
 };
 

@@ -188,20 +188,24 @@ void Coordinator::run_assembler() {
   std::unique_lock lock(mutex_);
   while (!stopping_) {
     const Time now = options_.now();
-    const auto ready =
-        std::find_if(to_assemble_.begin(), to_assemble_.end(), [&](const AssembleJob& job) { return job.not_before <= now; });
+    // A frame that was extended while it is merged is merged again afterwards.
+    const auto ready = std::find_if(to_assemble_.begin(), to_assemble_.end(), [&](const AssembleJob& job) {
+      return job.not_before <= now && !being_assembled_.contains({job.job, job.frame});
+    });
     if (ready == to_assemble_.end()) {
       wake_assembler_.wait_for(lock, std::chrono::milliseconds(200));
       continue;
     }
     AssembleJob job = *ready;
     to_assemble_.erase(ready);
+    being_assembled_.emplace(job.job, job.frame);
     lock.unlock();
     if (const auto error = rpc::failure_of([&] { assemble_one(job); })) {
       if (const auto again = rpc::failure_of([&] { merge_failed(job, *error); }))
         spdlog::error("a frame of job {} is not merged: {}; {}", job.job, *error, *again);
     }
     lock.lock();
+    being_assembled_.erase({job.job, job.frame});
   }
 }
 
@@ -298,6 +302,17 @@ v1::GetFrameResponse Coordinator::frame(const std::string& id, uint64_t number, 
   response.set_image_bytes(blobs_.size(digest).value_or(0));
   *response.mutable_statistics() = to_wire(result.statistics);
   return response;
+}
+
+std::pair<std::string, int64_t> Coordinator::picture(const std::string& id, uint64_t number) {
+  const std::string nodes = frame(id, number, false).image_digest();
+  AssembleRequest request;
+  request.picture_of = blobs_.path(nodes);
+  request.output_path = temporary_file("picture-");
+  const AssembleResult result = options_.assemble_tiles(request);
+  if (!result.ok) throw rpc::RpcError(rpc::Code::kInternal, "the picture could not be made: " + result.error);
+  const std::string digest = blobs_.adopt(request.output_path, options_.now());
+  return {digest, blobs_.size(digest).value_or(0)};
 }
 
 }  // namespace woodcock::coordinator

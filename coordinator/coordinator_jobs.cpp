@@ -6,6 +6,7 @@
 #include "coordinator/coordinator.h"
 #include "coordinator/coordinator_locked.h"
 #include "coordinator/job_view.h"
+#include "coordinator/scene_reader.h"
 #include "coordinator/submit.h"
 #include "coordinator/task_grid.h"
 #include "rpc/error.h"
@@ -89,6 +90,15 @@ v1::SubmitJobResponse Coordinator::submit(const v1::SubmitJobRequest& request) {
   v1::SubmitJobResponse response;
   response.set_job_id(spec.id);
   response.set_repeated_request(repeated);
+  return response;
+}
+
+v1::SubmitSceneResponse Coordinator::submit_scene(const v1::SubmitSceneRequest& request) {
+  if (const std::string shortage = blobs_.shortage(); !shortage.empty()) rpc::fail_exhausted(shortage);
+  v1::SubmitSceneResponse response = read_handed_in_scene(request, options_.scene_reader, blobs_, options_.now());
+  const v1::SubmitJobResponse submitted = submit(response.resolved());
+  response.set_job_id(submitted.job_id());
+  response.set_repeated_request(submitted.repeated_request());
   return response;
 }
 

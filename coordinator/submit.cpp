@@ -118,6 +118,8 @@ JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time
   job.id = std::string(1, 'j');
   job.id.append(rpc::blob_digest(request.request_id()), 0, 12);
   if (request.name().size() > rpc::kMaxNameBytes) rpc::fail_invalid("name: expected at most 200 bytes");
+  // The database would end the name there.
+  if (request.name().find('\0') != std::string::npos) rpc::fail_invalid("name: expected text without zero bytes");
   job.name = request.name();
   if (request.priority() < -rpc::kMaxPriority || request.priority() > rpc::kMaxPriority)
     rpc::fail_invalid("priority: expected -100 to 100");

@@ -38,7 +38,7 @@ bool eventually(milliseconds timeout, const std::function<bool()>& condition) {
 Program::Program(const std::string& name, const std::vector<std::string>& arguments, const fs::path& log,
                  const std::map<std::string, std::string>& environment)
     : log_(log) {
-  std::vector<std::string> words{std::string(WOODCOCK_BIN_DIR) + "/" + name};
+  std::vector<std::string> words{name[0] == '/' ? name : std::string(WOODCOCK_BIN_DIR) + "/" + name};
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());

@@ -20,7 +20,7 @@
 
 namespace woodcock::testing_service {
 
-/// A running program of WOODCOCK_BIN_DIR. It is killed with this object, and with the test.
+/// A running program, of WOODCOCK_BIN_DIR unless its name is a whole path. It is killed with this object, and with the test.
 class Program {
  public:
   Program(const std::string& name, const std::vector<std::string>& arguments, const std::filesystem::path& log,
