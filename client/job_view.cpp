@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 
+#include "client/policy_options.h"
 #include "client/progress_line.h"
 #include "client/quote_record.h"
 
@@ -120,6 +121,7 @@ json job_json(const v1::Job& job) {
     out["target"] = {{"error", job.target().error()}, {"max_samples", job.target().max_samples()}};
     if (job.target().max_seconds() > 0) out["target"]["max_seconds"] = job.target().max_seconds();
   }
+  if (job.has_policy()) out["policy"] = policy_json(job.policy());
   if (job.has_quote()) out["quote"] = quote_json(job.quote());
   if (job.has_quote_outcome()) out["quote_outcome"] = outcome_json(job);
   if (job.frames_size() > 0) {

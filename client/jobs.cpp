@@ -10,6 +10,7 @@
 #include "client/fetch_frames.h"
 #include "client/health.h"
 #include "client/job_view.h"
+#include "client/policy_options.h"
 #include "client/print.h"
 #include "client/progress_line.h"
 #include "client/quote_record.h"
@@ -44,6 +45,7 @@ void print_job(const v1::Job& job) {
   const v1::Progress& progress = job.progress();
   say("job       {}  {}\n", job.job_id(), job.name());
   say("state     {}{}{}\n", state_name(job.state()), job.state_reason().empty() ? "" : ": ", job.state_reason());
+  for (const std::string& line : policy_lines(job)) say("{}\n", line);
   if (job.has_target())
     say("target    {}\n", describe_target(job.target()));
   else
@@ -94,10 +96,10 @@ void print_jobs(const std::vector<v1::Job>& jobs, bool json) {
     say("no jobs yet: woodcock submit SCENE\n");
     return;
   }
-  say("{:<26} {:<11} {:>7} {:>7} {:>6}  {}\n", "JOB", "STATE", "DONE", "FRAMES", "SPP", "NAME");
+  say("{:<26} {:<11} {:>7} {:>7} {:>6}  {:<12} {}\n", "JOB", "STATE", "DONE", "FRAMES", "SPP", "USER", "NAME");
   for (const v1::Job& job : jobs)
-    say("{:<26} {:<11} {:>6.1f}% {:>7} {:>6}  {}\n", job.job_id(), state_name(job.state()), percent(job.progress()), job.frame_count(),
-        job.settings().samples(), job.name());
+    say("{:<26} {:<11} {:>6.1f}% {:>7} {:>6}  {:<12} {}\n", job.job_id(), state_name(job.state()), percent(job.progress()),
+        job.frame_count(), job.settings().samples(), job.policy().user(), job.name());
 }
 
 /// One call that answers with the job.

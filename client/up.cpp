@@ -116,7 +116,7 @@ void stop(Programs& programs) {
     while (!std::all_of(first, last, gone) && std::chrono::steady_clock::now() < deadline) std::this_thread::sleep_for(kTick);
   };
   if (programs.empty()) return;
-  end(programs.begin(), programs.end() - 1, std::chrono::seconds(kDrainSeconds + 7));
+  end(programs.begin(), programs.end() - 1, std::chrono::seconds(kDrainSeconds + 10));
   end(programs.end() - 1, programs.end(), std::chrono::seconds(10));
   programs.clear();  // kills what did not heed
 }

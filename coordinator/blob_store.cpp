@@ -64,9 +64,14 @@ struct BlobStore::Upload::State {
 };
 
 BlobStore::BlobStore(const BlobStoreOptions& options, Time now) : options_(options), started_(now) {
+  clear_temporary();
+  for (const char* name : {"/blobs", "/uploads"}) ensure_folder(options.dir + name);
+}
+
+void BlobStore::clear_temporary() const {
   std::error_code ignored;
-  fs::remove_all(options.dir + "/temporary", ignored);
-  for (const char* name : {"/temporary", "/blobs", "/uploads"}) ensure_folder(options.dir + name);
+  fs::remove_all(options_.dir + "/temporary", ignored);
+  ensure_folder(options_.dir + "/temporary");
 }
 
 /// Moves what stands where a file or folder of ours belongs out of the way: a link, or a folder with anything in it. The folder of

@@ -49,6 +49,8 @@ class BlobStore {
   std::string path(const std::string& digest) const;
   /// A name in the folder of temporary files, which is on the same file system and made again if it has gone.
   std::string temporary(const std::string& name) const;
+  /// When nobody writes there. Throws BlobError.
+  void clear_temporary() const;
 
   /// Keeps the blob until now + pin.
   void pin(const std::string& digest, Time now);

@@ -67,6 +67,8 @@ Coordinator::~Coordinator() {
   wake_ticker_.notify_all();
   for (std::thread& assembler : assemblers_) assembler.join();
   ticker_.join();
+  // Of merges that were cut off.
+  if (const auto error = rpc::failure_of([&] { blobs_.clear_temporary(); })) spdlog::warn("{}", *error);
   store_->stop();
 }
 
@@ -192,6 +194,7 @@ void Coordinator::carry_out(const Action& any) {
             event.unix_ms = options_.unix_ms();
             store_->write([job = log.job, event](StoreSession& session) { session.append_event(job, event); });
           },
+          [&](const action::FindJob& find) { find_job(find.job); },
           [&](const action::ReleaseJob& ended) { store_->write([](StoreSession&) {}, [this, id = ended.job] { release(id); }); },
       },
       any);
@@ -215,6 +218,20 @@ void Coordinator::find_results(const action::FindResults& find) {
       [this, find, reused] {
         locked([&] {
           scheduler_->results_found(find, *reused);
+          ++changes_;
+        });
+      });
+}
+
+void Coordinator::find_job(const std::string& id) {
+  auto state = std::make_shared<std::optional<JobState>>();
+  store_->write(
+      [id, state](StoreSession& session) {
+        if (const std::optional<StoredJob> job = session.find_job(id)) *state = job->row.state;
+      },
+      [this, id, state] {
+        locked([&] {
+          scheduler_->job_found(id, *state);
           ++changes_;
         });
       });

@@ -35,7 +35,7 @@ struct CoordinatorOptions {
   int64_t min_free_bytes = 64 << 20;
   Time pin = 3600 * kSecond;
   Time sync_hold = 10 * kSecond;      ///< how long an idle worker's call is held
-  Time busy_sync_hold = 2 * kSecond;  ///< and that of one that renders: how old its progress may be
+  Time busy_sync_hold = 2 * kSecond;  ///< and that of one that renders, at least: how old its progress may be
   size_t max_backlog = 50'000;        ///< operations that wait for the database
   AssembleFunction assemble_tiles = assemble;
   int merges_at_once = 1;                                   ///< of settled frames
@@ -129,7 +129,8 @@ class Coordinator {
   using Completions = std::vector<std::function<void()>>;
 
   void recover();
-  Completions pump();  // mutex_ held: carries out actions, answers held calls; the caller runs the result unlocked
+  Time sync_hold(bool busy) const;  // mutex_ held
+  Completions pump();               // mutex_ held: carries out actions, answers held calls; the caller runs the result unlocked
   void carry_out(const Action& action);
   bool try_answer(const std::string& worker_id, HeldSync& held, Completions& completions);
   void decide_offers(const std::string& worker_id, HeldSync& held);
@@ -137,6 +138,7 @@ class Coordinator {
   void tell_committed(const action::CommitTask& commit);
   void raise_alarm(const TaskRef& task, const std::string& worker_id, const std::string& message);
   void find_results(const action::FindResults& find);
+  void find_job(const std::string& id);
   void release(const std::string& job);
   /// Refuses by name a worker that believes to talk to another coordinator than this one: nothing of its report concerns us.
   bool meets_a_stranger(const v1::SyncRequest& request, const SyncDone& done);

@@ -103,7 +103,8 @@ std::string Coordinator::temporary_file(const std::string& name) {
 void Coordinator::merge_failed(const AssembleJob& work, const std::string& error) {
   const bool short_of_room = !blobs_.shortage().empty();
   locked([&] {
-    if (is_stale(work)) return;
+    // It is begun again after the next start.
+    if (stopping_ || is_stale(work)) return;
     if (short_of_room || work.attempts + 1 < kAttempts) {
       spdlog::warn("merging a frame of job {} failed and is repeated: {}", work.job, error);
       to_assemble_.push_back({work.job, work.frame, work.attempts + (short_of_room ? 0 : 1), options_.now() + kSecond});

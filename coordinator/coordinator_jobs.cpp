@@ -65,22 +65,42 @@ void Coordinator::must_exist(const std::string& id) {
     rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
 }
 
+namespace {
+
+/// Those that are not done yet. Throws RpcError kNotFound for one that does not exist, kFailedPrecondition for one that ended otherwise.
+std::vector<std::string> jobs_to_wait_for(StoreSession& session, const std::vector<std::string>& after) {
+  std::vector<std::string> open;
+  for (const std::string& id : after) {
+    const std::optional<StoredJob> job = session.find_job(id);
+    if (!job) rpc::fail_not_found("policy.after: there is no job " + id + "; `woodcock jobs` lists them");
+    if (job->row.state == JobState::Done) continue;
+    if (has_ended(job->row.state))
+      rpc::fail_precondition("policy.after: job " + id + " is " + to_string(job->row.state) +
+                             ", and a job begins only after jobs that are done; extend it, or submit without it");
+    open.push_back(id);
+  }
+  return open;
+}
+
+}  // namespace
+
 v1::SubmitJobResponse Coordinator::submit(const v1::SubmitJobRequest& request) {
   if (store_->backlog() > options_.max_backlog) rpc::fail_exhausted("the coordinator's database is behind; submit again later");
   if (const std::string shortage = blobs_.shortage(); !shortage.empty()) rpc::fail_exhausted(shortage);
   const JobSpec spec = check_submit(request, blobs_, options_.now(), options_.unix_ms());
   // The database decides who was first, and has the job before anybody renders it.
-  const NewJob rows(spec);
+  NewJob rows(spec);
   std::optional<StoredJob> earlier;
   const bool repeated = store_->read([&](StoreSession& session) {
-    if (session.insert_job(rows)) return false;
     earlier = session.find_job(spec.id);
-    return true;
+    if (earlier) return true;
+    rows.spec.policy.waits_for = jobs_to_wait_for(session, spec.policy.after);
+    return !session.insert_job(rows);
   });
   if (repeated && (!earlier || earlier->spec.request_digest != spec.request_digest))
     throw rpc::RpcError(rpc::Code::kAlreadyExists, "request id " + spec.request_id + " was used for another submit; make a new one");
   if (!repeated) {
-    Job job = make_job(spec);
+    Job job = make_job(std::move(rows.spec));
     locked([&] {
       if (!scheduler_->find(spec.id)) scheduler_->add_job(std::move(job));
       ++changes_;

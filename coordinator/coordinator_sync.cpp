@@ -12,6 +12,12 @@
 #include "rpc/limits.h"
 
 namespace woodcock::coordinator {
+namespace {
+
+/// Of workers that have nothing new to tell.
+constexpr Time kSyncsPerSecond = 250;
+
+}  // namespace
 
 bool Coordinator::meets_a_stranger(const v1::SyncRequest& request, const SyncDone& done) {
   if (request.cluster_id().empty()) return false;
@@ -65,8 +71,7 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
   held.done = std::move(done);
   const Time now = options_.now();
   // The first call of a process is not held: its answer tells the worker that it has arrived.
-  const Time hold = request.sequence() == 1 ? 0 : request.leases().empty() ? options_.sync_hold : options_.busy_sync_hold;
-  held.deadline = now + hold;
+  const bool at_once = request.sequence() == 1 || report.left;
   SyncDone superseded, refused;
   rpc::Outcome refusal;
   uint64_t token = 0;
@@ -83,6 +88,7 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
       refused = std::move(held.done);
       return 0;
     }
+    held.deadline = now + (at_once ? 0 : sync_hold(!request.leases().empty()));
     held.token = ++next_token_;
     const uint64_t result = held.token;
     const auto old = held_.find(report.worker_id);
@@ -101,6 +107,14 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
   if (superseded) superseded({rpc::Code::kAborted, "a later call of this worker replaces this one"}, {});
   if (refused) refused(refusal, {});
   return token;
+}
+
+/// How long a call is held while there is nothing to say, and so when the worker calls again. Of many workers each calls more rarely, so
+/// that all of them together stay within what one coordinator answers; never so rarely that a lease ends meanwhile.
+Time Coordinator::sync_hold(bool busy) const {
+  if (!busy) return options_.sync_hold;
+  const Time spread = static_cast<Time>(held_.size()) * kSecond / kSyncsPerSecond;
+  return std::clamp(spread, options_.busy_sync_hold, std::max(options_.busy_sync_hold, options_.scheduler.lease / 4));
 }
 
 bool Coordinator::cancel_sync(uint64_t token) {

@@ -12,7 +12,7 @@ v1::FrameState to_wire(FrameState state) { return static_cast<v1::FrameState>(st
 static_assert(static_cast<int>(JobState::Cancelled) + 1 == v1::JOB_STATE_CANCELLED);
 static_assert(static_cast<int>(FrameState::Cancelled) + 1 == v1::FRAME_STATE_CANCELLED);
 static_assert(static_cast<int>(EventKind::PassDecided) == v1::JOB_EVENT_KIND_PASS_DECIDED);
-static_assert(static_cast<int>(WorkerCondition::Quarantined) == v1::WORKER_CONDITION_QUARANTINED);
+static_assert(static_cast<int>(WorkerCondition::Left) == v1::WORKER_CONDITION_LEFT);
 
 v1::Progress to_wire(const Progress& p) {
   v1::Progress wire;
@@ -119,6 +119,7 @@ v1::Job job_view(const JobSpec& spec, const JobRow& row, const JobSummary& summa
     wire.mutable_target()->set_max_samples(spec.target->max_samples);
     if (spec.time_limit) wire.mutable_target()->set_max_seconds(spec.time_limit->seconds);
   }
+  if (spec.policy != JobPolicy{}) *wire.mutable_policy() = to_wire(spec.policy);
   if (spec.quote) *wire.mutable_quote() = to_wire(*spec.quote);
   if (const auto outcome = quote_outcome(spec, row, summary)) *wire.mutable_quote_outcome() = *outcome;
   return wire;
@@ -185,6 +186,8 @@ v1::WorkerStatus to_wire(const WorkerView& worker) {
   wire.set_arithmetic_class(worker.last->arithmetic_class);
   wire.set_leases(static_cast<int64_t>(worker.leases));
   wire.set_silent_ms(worker.silent / 1'000'000);
+  for (const std::string& tag : worker.last->tags) wire.add_tags(tag);
+  wire.set_memory_bytes(worker.last->memory);
   return wire;
 }
 

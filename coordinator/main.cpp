@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <charconv>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -32,6 +33,22 @@ constexpr int kPreviewsAtOnce = 2;
   spdlog::critical("{}", reason);
   spdlog::shutdown();
   ::_exit(1);
+}
+
+/// Throws CLI::ValidationError.
+RunQueue::Shares parse_shares(const std::vector<std::string>& texts) {
+  RunQueue::Shares shares;
+  for (const std::string& text : texts) {
+    const size_t equals = text.rfind('=');
+    double share = 0;
+    const char* const end = text.data() + text.size();
+    const auto [read, error] = equals == std::string::npos ? std::from_chars_result{end, std::errc::invalid_argument}
+                                                           : std::from_chars(text.data() + equals + 1, end, share);
+    if (error != std::errc() || read != end || !(share >= 0.01 && share <= 100) || equals == 0)
+      throw CLI::ValidationError("--share", "found \"" + rpc::printable(text) + "\", expected USER=N with N from 0.01 to 100");
+    shares[text.substr(0, equals)] = share;
+  }
+  return shares;
 }
 
 void write_address(const std::string& dir, const std::string& address) {
@@ -63,7 +80,18 @@ int serve(CoordinatorOptions options, const std::string& listen, const std::stri
     spdlog::error("{}; the address is in {}/address", *error, options.dir);
   int signal = 0;
   sigwait(&signals, &signal);
-  spdlog::info("stopping on signal {}", signal);
+  spdlog::info("stopping on signal {}; a second one ends at once", signal);
+  std::thread([signals] {
+    int second = 0;
+    sigwait(&signals, &second);
+    // As after a crash: what was acknowledged is durable.
+    spdlog::warn("ending at once on signal {}", second);
+    spdlog::shutdown();
+    ::_exit(0);
+  }).detach();
+  // Merges are begun again at the next start; nobody waits for them here.
+  coordinator.stop_syncs();
+  pool.stop();
   server.stop();
   std::error_code ignored;
   std::filesystem::remove(options.dir + "/address", ignored);
@@ -104,6 +132,10 @@ int main(int argc, char** argv) {
   app.add_option("--merges", options.merges_at_once, "Frames that are merged at once, each in a process of its own")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
+  app.add_option_function<std::vector<std::string>>(
+         "--share", [&options](const std::vector<std::string>& shares) { options.scheduler.shares = parse_shares(shares); },
+         "USER=N: how much of the workers this user is to have beside others, who have 1 each; may be given again")
+      ->allow_extra_args(false);
   app.add_flag("--no-scene-reader", no_scene_reader, "Read no scenes for programs that cannot do so themselves: SubmitScene is refused");
   app.add_option("--merge-server", merge_server_parent, "Merge for the coordinator that is this process (used by the coordinator itself)")
       ->group("");

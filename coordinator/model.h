@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include "coordinator/policy.h"
 #include "coordinator/quote.h"
 #include "renderer/accuracy/adaptive.h"
 #include "renderer/accuracy/convergence.h"
@@ -57,12 +58,13 @@ struct TimeLimit {
   std::string reason() const;
 };
 
-/// What an extension changes of a job.
+/// What changes of a job after its submit: by an extension, or because a job that it waits for is done.
 struct JobAim {
   std::vector<SampleRange> rounds;  ///< [0, n), cut (submit.h), and what each extension added; what follows in an adaptive job are passes
   std::optional<SamplingTarget> target;  ///< of an adaptive job
   std::optional<TimeLimit> time_limit;   ///< only with a target
   std::optional<JobQuote> quote;         ///< what the user was told that it will cost
+  JobPolicy policy;
 
   bool out_of_time() const { return time_limit && time_limit->over(); }
   int64_t samples() const { return rounds.empty() ? 0 : rounds.back().end; }
@@ -308,6 +310,10 @@ struct LogEvent {
   std::string job;
   JobEvent event;  ///< the time is the coordinator's to fill
 };
+/// Call Scheduler::job_found with the state that the database has of this job, for which others wait.
+struct FindJob {
+  std::string job;
+};
 /// The job has ended. When everything before is durable call Scheduler::release, and keep what it returns in the database only.
 struct ReleaseJob {
   std::string job;
@@ -316,6 +322,6 @@ struct ReleaseJob {
 
 using Action = std::variant<action::PinFrame, action::FindResults, action::CommitTask, action::SplitTask, action::GiveUpTask,
                             action::RecordAttempt, action::SaveLease, action::DropLease, action::AssembleFrame, action::SaveJob,
-                            action::SaveFrame, action::ResetFrame, action::LogEvent, action::ReleaseJob>;
+                            action::SaveFrame, action::ResetFrame, action::LogEvent, action::ReleaseJob, action::FindJob>;
 
 }  // namespace woodcock::coordinator

@@ -111,10 +111,11 @@ void Scheduler::task_failed(const TaskRef& ref, const std::string& worker_id, co
   if (!task) return;
   task->error = why;
   // While its result is looked for it cannot be settled otherwise.
-  if (counts && !place_of(ref).frame->is_looked_up(ref.number)) {
+  const Place place = place_of(ref);
+  if (counts && !place.frame->is_looked_up(ref.number)) {
     if (std::find(task->failed_workers.begin(), task->failed_workers.end(), worker_id) == task->failed_workers.end())
       task->failed_workers.push_back(worker_id);
-    const int64_t others = std::max<int64_t>(1, available_workers(*place_of(ref).frame, now));
+    const int64_t others = std::max<int64_t>(1, available_workers(*place.job, *place.frame, now));
     if (static_cast<int64_t>(task->failed_workers.size()) >= std::min<int64_t>(options_.poison_workers, others)) {
       split_or_give_up(ref, why);
       return;
@@ -124,11 +125,12 @@ void Scheduler::task_failed(const TaskRef& ref, const std::string& worker_id, co
 }
 
 /// A scene that cannot be read fails its frame when two workers say so. Where there is one worker only it must say so twice.
-bool Scheduler::scene_is_bad(const Frame& frame, Time now) const {
+bool Scheduler::scene_is_bad(const Job& job, const Frame& frame, Time now) const {
   if (frame.scene_failures.size() != 1) return frame.scene_failures.size() > 1;
   const auto& [only, times] = *frame.scene_failures.begin();
-  const bool another = std::any_of(workers_.begin(), workers_.end(),
-                                   [&](const auto& w) { return w.first != only && available(w.second, now) && fits(w.second, frame); });
+  const bool another = std::any_of(workers_.begin(), workers_.end(), [&, me = std::string_view(only)](const auto& w) {
+    return w.first != me && available(w.second, now) && fits(w.second, job, frame);
+  });
   return !another && times > 1;
 }
 
@@ -264,21 +266,34 @@ std::vector<std::string> Scheduler::waiting_reasons(const Job& job, Time now) co
       continue;
     }
     const auto [it, first] = of_build.try_emplace({frame.row.build, frame.row.arithmetic_class});
-    if (first) it->second = waiting_reason(job, frame, now);
-    reasons[i] = it->second;
+    if (first) it->second = blocked_reason(job, frame, now);
+    reasons[i] = it->second.empty() ? reason_of_full(job, frame) : it->second;
   }
   return reasons;
 }
 
 std::string Scheduler::waiting_reason(const Job& job, const Frame& frame, Time now) const {
+  std::string reason = blocked_reason(job, frame, now);
+  return reason.empty() ? reason_of_full(job, frame) : reason;
+}
+
+/// What keeps all frames of this build waiting.
+std::string Scheduler::blocked_reason(const Job& job, const Frame& frame, Time now) const {
   if (has_ended(job.row.state) || has_ended(frame.row.state) || frame.unsettled == 0) return {};
   if (job.row.paused) return "the job is paused";
+  if (const std::vector<std::string>& jobs = job.spec.policy.waits_for; !jobs.empty()) {
+    std::string more;
+    if (jobs.size() > 1) more = " and " + std::to_string(jobs.size() - 1) + (jobs.size() == 2 ? " other" : " others");
+    return "waits until job " + jobs.front() + more + (jobs.size() == 1 ? " is done" : " are done");
+  }
   if (!hold_reason_.empty()) return hold_reason_;
   if (const auto lost = lost_scenes_.find(frame.spec.manifest_digest); lost != lost_scenes_.end()) return lost->second;
   if (connected_workers(now) == 0) return "no worker is connected";
-  if (available_workers(frame, now) == 0) {
-    if (!frame.row.pinned) return "every connected worker is draining or quarantined";
+  if (std::string unmet = unmet_demands(job.spec.policy.demands, now); !unmet.empty()) return unmet;
+  if (available_workers(job, frame, now) == 0) {
+    if (!frame.row.pinned) return "every connected worker that may render it is draining or quarantined";
     return "no connected worker has build " + frame.row.build + " and arithmetic class " + frame.row.arithmetic_class +
+           (job.spec.policy.demands == Demands{} ? "" : " and what the job asks of workers") +
            "; `woodcock repin` starts it again for those there are";
   }
   return {};

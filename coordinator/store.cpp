@@ -69,6 +69,8 @@ const std::vector<std::vector<const char*>> kUpgrades{
      "create index jobs_by_time on jobs (submitted_ms desc, job_id)", "create index jobs_running on jobs (submitted_ms) where state < 4",
      "create index jobs_uncounted on jobs (job_id) where state >= 4 and summary = ''",
      "create index settled_not_done on settled (job_id, frame, number) where state > 2"},
+    {},  // of schema 7
+    {"alter table jobs add column policy text not null default ''"},
 };
 
 constexpr std::chrono::milliseconds kLongestBatch{20};

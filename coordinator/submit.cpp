@@ -134,6 +134,7 @@ JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time
     job.rounds = {{0, kFirstCount}};
   }
   if (request.has_quote()) job.quote = checked_quote(request.quote());
+  job.policy = checked_policy(request.policy());
   const uint32_t tile = request.settings().tile_size();
   if (tile != 0 && (tile < 8 || tile > 1024 || !std::has_single_bit(tile)))
     rpc::fail_invalid("settings.tile_size: expected a power of two from 8 to 1024");

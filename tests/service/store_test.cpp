@@ -113,6 +113,7 @@ TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
     sql << "alter table frames drop column counts";
     sql << "alter table jobs drop column target";
     sql << "alter table jobs drop column quote";
+    sql << "alter table jobs drop column policy";
     sql << "alter table settled drop column worker_id";
     sql << "alter table settled drop column reused";
     sql << "alter table results drop column worker_id";
