@@ -13,11 +13,11 @@
 #include "rpc/convert.h"
 #include "rpc/limits.h"
 #include "rpc/log.h"
+#include "rpc/machine_memory.h"
 #include "rpc/memory_size.h"
 #include "rpc/printable.h"
 #include "rpc/standard_output.h"
 #include "worker/frame_task_renderer.h"
-#include "worker/machine_memory.h"
 #include "worker/supervisor.h"
 
 namespace woodcock {
@@ -125,7 +125,7 @@ int work(const Arguments& arguments) {
   const int processors = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   options.threads = arguments.threads > 0 ? arguments.threads : std::max(1, processors / arguments.slots);
   options.tags = arguments.tags;
-  options.memory = arguments.memory > 0 ? arguments.memory : machine_memory();
+  options.memory = arguments.memory > 0 ? arguments.memory : rpc::machine_memory();
   options.asset_cache_bytes = static_cast<uint64_t>(arguments.cache_gb * 1e9);
   options.limits.rendering = milliseconds(arguments.progress_timeout);
   options.limits.loading = options.limits.building = milliseconds(arguments.loading_timeout);

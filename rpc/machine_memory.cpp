@@ -1,4 +1,4 @@
-#include "worker/machine_memory.h"
+#include "rpc/machine_memory.h"
 
 #include <unistd.h>
 
@@ -6,7 +6,7 @@
 #include <fstream>
 #include <string>
 
-namespace woodcock {
+namespace woodcock::rpc {
 namespace {
 
 constexpr const char* kControlGroups = "/sys/fs/cgroup";
@@ -35,4 +35,4 @@ int64_t machine_memory() {
   return limit > 0 && (machine == 0 || limit < machine) ? limit : machine;
 }
 
-}  // namespace woodcock
+}  // namespace woodcock::rpc
