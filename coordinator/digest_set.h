@@ -25,7 +25,9 @@ class DigestSet {
     std::sort(prefixes_.begin(), prefixes_.end());
     prefixes_.erase(std::unique(prefixes_.begin(), prefixes_.end()), prefixes_.end());
   }
-  bool may_contain(const std::string& digest) const { return std::binary_search(prefixes_.begin(), prefixes_.end(), digest_prefix(digest)); }
+  bool may_contain(const std::string& digest) const {
+    return std::binary_search(prefixes_.begin(), prefixes_.end(), digest_prefix(digest));
+  }
 
  private:
   std::vector<uint64_t> prefixes_;

@@ -91,6 +91,9 @@ struct Job {
   std::deque<std::pair<Time, int64_t>> recent;  ///< commits of the last minute: when, camera paths
   std::set<size_t> ready;                       ///< frames that may have a task to lease, or are to be pinned
   std::set<std::string> leases;                 ///< live ones
+  WaitingReason waits = WaitingReason::None;    ///< at the last tick
+  Time waits_since = 0;
+  WaitingReason waits_logged = WaitingReason::None;
 };
 
 /// A job as it was submitted.
