@@ -319,7 +319,7 @@ bool BlobStore::remove_unless_kept(const std::string& digest, const std::string&
     if (uploading_.contains(digest) || holds_.contains(prefix) || (pin != pins_.end() && pin->second > mark.now) ||
         (released != released_.end() && released->second >= mark.number))
       return false;
-    leaving_.insert(digest);
+    if (!leaving_.insert(digest).second) return false;  // another clean-up removes it
   }
   const bool removed = ::unlink(path.c_str()) == 0;
   {

@@ -41,6 +41,7 @@ struct CoordinatorOptions {
   size_t max_backlog = 50'000;        ///< operations that wait for the database
   AssembleFunction assemble_tiles = assemble;
   int merges_at_once = 1;                                   ///< of settled frames
+  bool clean_up_by_itself = true;                           ///< every ten minutes; otherwise when clean_up() is called
   RetentionLimits retention;                                ///< of jobs that have ended
   std::string scene_reader;                                 ///< the program `woodcock`; empty: there is none, and no scenes are read
   std::function<Time()> now;                                ///< boot-time clock
@@ -199,8 +200,9 @@ class Coordinator {
   /// Deletes what is left of jobs that were taken out.
   void purge();
   void purge(const std::string& id);
-  /// housekeeping_ held.
+  /// housekeeping_ held for both.
   v1::RetainJobsResponse apply_limits();
+  size_t remove_unreferenced();
 
   const CoordinatorOptions options_;
   BlobStore blobs_;

@@ -74,8 +74,10 @@ void Coordinator::remove(const std::string& id, bool cancel) {
 }
 
 void Coordinator::purge(const std::string& id) {
-  while (!stopping() && !store_->read([&](StoreSession& session) { return session.delete_step(id, kRowsAStep); }))
-    options_.failpoint("job-partly-deleted");
+  for (bool gone = false; !gone && !stopping();) {
+    gone = store_->read([&](StoreSession& session) { return session.delete_step(id, kRowsAStep); });
+    options_.failpoint("job-rows-deleted");
+  }
 }
 
 void Coordinator::purge() {
@@ -104,6 +106,11 @@ std::optional<DigestSet> Coordinator::referenced_digests() {
 }
 
 size_t Coordinator::sweep() {
+  const std::lock_guard one_at_a_time(housekeeping_);
+  return remove_unreferenced();
+}
+
+size_t Coordinator::remove_unreferenced() {
   const BlobStore::Mark mark = blobs_.begin_mark(options_.now());
   const std::optional<DigestSet> referenced = referenced_digests();
   // What an unreadable manifest lists is unknown: nothing may be removed.
@@ -170,7 +177,7 @@ v1::RetainJobsResponse Coordinator::clean_up() {
     if (const auto error = rpc::failure_of([&] { stored(id); })) spdlog::warn("job {} is not counted: {}", id, *error);
   purge();
   v1::RetainJobsResponse went = apply_limits();
-  if (const size_t removed = sweep(); removed > 0) spdlog::info("clean-up removed {} files", removed);
+  if (const size_t removed = remove_unreferenced(); removed > 0) spdlog::info("clean-up removed {} files", removed);
   return went;
 }
 
@@ -215,7 +222,7 @@ void Coordinator::run_housekeeper() {
       };
       if (const auto error = rpc::failure_of(delete_rows)) spdlog::error("deleting the rows of jobs failed: {}", *error);
     }
-    if (const Time now = options_.now(); now >= next_clean_up) {
+    if (const Time now = options_.now(); options_.clean_up_by_itself && now >= next_clean_up) {
       next_clean_up = now + kBetweenCleanUps;
       if (const auto error = rpc::failure_of([&] { clean_up(); })) spdlog::error("the clean-up failed: {}", *error);
     }

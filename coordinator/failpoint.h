@@ -23,7 +23,7 @@ inline constexpr std::array<const char*, 16> kFailpoints{
     "after-publish",           // the blob is durable, the frame's row is not
     "after-frame-row",         // the frame's row is durable, nobody knows
     "job-taken-out",           // a job's own row went, all that belongs to it is still there
-    "job-partly-deleted",      // a step of its other rows went
+    "job-rows-deleted",        // some or all of its other rows went
     "marked",                  // a clean-up knows what is referred to, and has removed nothing
     "backup-database-copied",  // a back-up has a copy of the database beside it
     "backup-blobs-taken",      // it has all blobs, and not its name

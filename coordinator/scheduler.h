@@ -192,6 +192,8 @@ class Scheduler {
   std::vector<Waiting> waiting_of_frames(const Job& job, Time now) const;
   size_t live_leases() const { return leases_.size(); }
   int64_t connected_workers(Time now) const;
+  /// Those that are remembered, connected or not.
+  size_t known_workers() const { return workers_.size(); }
   /// At most `limit` of them by id, those after `after`. The views hold until the next event.
   std::vector<WorkerView> list_workers(const std::string& after, size_t limit, Time now) const;
 

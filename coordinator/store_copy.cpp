@@ -1,4 +1,6 @@
 // A copy of the database beside what is written: pages go over between two transactions, so that nobody waits for more than some of them.
+#include <unistd.h>
+
 #include <soci/soci.h>
 #include <soci/sqlite3/soci-sqlite3.h>
 
@@ -38,7 +40,8 @@ struct Store::Copy {
     throw std::runtime_error("the database cannot be copied to " + path + ": " + what);
   }
   void begin(sqlite_api::sqlite3* from) {
-    constexpr int kFlags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_EXCLUSIVE;
+    if (::access(path.c_str(), F_OK) == 0) fail("there is a file of this name");
+    constexpr int kFlags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
     if (sqlite_api::sqlite3_open_v2(path.c_str(), &to, kFlags, nullptr) != SQLITE_OK) fail(sqlite_api::sqlite3_errmsg(to));
     // Whoever asked makes the whole file durable, on a thread of his own.
     sqlite_api::sqlite3_exec(to, "pragma synchronous = off", nullptr, nullptr, nullptr);
