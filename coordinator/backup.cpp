@@ -11,11 +11,13 @@
 #include <soci/sqlite3/soci-sqlite3.h>
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <stdexcept>
 
 namespace woodcock::coordinator {
@@ -53,7 +55,7 @@ bool is_hexadecimal(const std::string& name, size_t length) {
 enum class Copied { Yes, Unreadable };
 
 /// Throws where the copy cannot be written.
-Copied copy_file(const std::string& from, const std::string& to) {
+Copied copy_bytes(const std::string& from, const std::string& to) {
   const Descriptor in{::open(from.c_str(), O_RDONLY | O_CLOEXEC)};
   if (in.fd < 0) return Copied::Unreadable;
   const Descriptor out{::open(to.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644)};
@@ -147,7 +149,7 @@ void NewFolder::finish() {
 }
 
 void copy_durably(const std::string& from, const std::string& to) {
-  if (copy_file(from, to) == Copied::Unreadable) fail("reading " + from, errno);
+  if (copy_bytes(from, to) == Copied::Unreadable) fail("reading " + from, errno);
 }
 
 void take_blobs(const std::string& from, const std::string& to, BackupRecord& record, const std::function<bool()>& stopped) {
@@ -168,7 +170,7 @@ void take_blobs(const std::string& from, const std::string& to, BackupRecord& re
       const std::string copy = there / name;
       const bool linked = ::link(blob->path().c_str(), copy.c_str()) == 0;
       if (!linked && errno == ENOENT) continue;
-      if (!linked && copy_file(blob->path(), copy) == Copied::Unreadable) {
+      if (!linked && copy_bytes(blob->path(), copy) == Copied::Unreadable) {
         ++record.unreadable;
         continue;
       }

@@ -200,7 +200,8 @@ class Coordinator {
   /// Deletes what is left of jobs that were taken out.
   void purge();
   void purge(const std::string& id);
-  /// housekeeping_ held for both.
+  /// housekeeping_ held for these.
+  v1::RetainJobsResponse clean_up_alone();
   v1::RetainJobsResponse apply_limits();
   size_t remove_unreferenced();
 

@@ -18,7 +18,7 @@ BackupRecord Coordinator::back_up(const std::string& target) {
   struct Snapshot {
     std::string path;
     ~Snapshot() { ::unlink(path.c_str()); }
-  } const snapshot{temporary_file("backup-")};
+  } const snapshot{blobs_.temporary("backup.sqlite")};
   store_->copy_to(snapshot.path);
   options_.failpoint("backup-database-copied");
   copy_durably(snapshot.path, folder.path() + "/woodcock.sqlite");

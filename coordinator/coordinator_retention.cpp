@@ -1,8 +1,10 @@
 // Jobs that go, by a user or by the limits of retention, and the files that nobody needs any more.
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <chrono>
 #include <thread>
+#include <utility>
 
 #include "coordinator/coordinator.h"
 #include "coordinator/coordinator_locked.h"
@@ -172,6 +174,10 @@ v1::RetainJobsResponse Coordinator::apply_limits() {
 
 v1::RetainJobsResponse Coordinator::clean_up() {
   const std::lock_guard one_at_a_time(housekeeping_);
+  return clean_up_alone();
+}
+
+v1::RetainJobsResponse Coordinator::clean_up_alone() {
   // Shown is what is counted: jobs that nobody has asked for since.
   for (const std::string& id : store_->look([](StoreSession& session) { return session.jobs_without_counts(100); }))
     if (const auto error = rpc::failure_of([&] { stored(id); })) spdlog::warn("job {} is not counted: {}", id, *error);
@@ -185,13 +191,14 @@ v1::RetainJobsResponse Coordinator::retain(const v1::RetainJobsRequest& request)
   const bool own = !request.has_keep_seconds() && !request.has_keep_bytes();
   if (!request.dry_run()) {
     if (!own) rpc::fail_invalid("keep_seconds, keep_bytes: only with dry_run; the limits that hold are options of the coordinator");
-    if (!housekeeping_.try_lock_for(kUntilClean))
-      throw rpc::RpcError(rpc::Code::kUnavailable, "a clean-up or a back-up is under way; ask again");
-    housekeeping_.unlock();
-    return clean_up();
-  }
-  if (request.keep_seconds() < 0 || request.keep_bytes() < 0)
+  } else if (request.keep_seconds() < 0 || request.keep_bytes() < 0) {
     rpc::fail_invalid("keep_seconds, keep_bytes: expected 0 for no limit, or more");
+  }
+  const std::unique_lock one_at_a_time(housekeeping_, kUntilClean);
+  if (!one_at_a_time) throw rpc::RpcError(rpc::Code::kUnavailable, "a clean-up or a back-up is under way; ask again");
+  if (!request.dry_run()) return clean_up_alone();
+  // What was deleted before does not count.
+  purge();
   RetentionOptions options{options_.retention, retention_unix_ms(), options_.pin / 1'000'000, true};
   if (!own) options.limits = {request.keep_seconds(), request.keep_bytes()};
   const std::optional<DigestSet> referenced = referenced_digests();

@@ -137,8 +137,10 @@ v1::Job job_view(const Scheduler& scheduler, const Job& job, bool with_frames, T
   *wire.mutable_progress() = to_wire(scheduler.progress(job, now));
   const std::vector<Waiting> waits = scheduler.waiting_of_frames(job, now);
   // What passes in a moment is not said of the job.
+  constexpr Time kMoment = 2 * kSecond;
+  const bool queues = job.waits == WaitingReason::WorkersBusy && now - job.waits_since >= kMoment && job.leases.empty();
   const auto first = std::find_if(waits.begin(), waits.end(), [&](const Waiting& waiting) {
-    return blocks(waiting.reason) || (waiting.reason == WaitingReason::WorkersBusy && job.leases.empty());
+    return blocks(waiting.reason) || (waiting.reason == WaitingReason::WorkersBusy && queues);
   });
   if (wire.state_reason().empty() && first != waits.end()) wire.set_state_reason(first->text);
   for (int i = 0; i < wire.frames_size(); ++i) set_waiting(*wire.mutable_frames(i), waits[static_cast<size_t>(i)]);

@@ -209,10 +209,10 @@ TEST(Backup, TheDatabaseIsCopiedWhileItIsWritten) {
   const TemporaryFolder folder;
   Store store({folder.path, "", [](const std::string& reason) { ADD_FAILURE() << reason; }});
   const auto event = [](int number) { return JobEvent{number, 0, EventKind::Submitted, {}, "", "", std::string(2000, 'e')}; };
-  for (int i = 1; i <= 4000; ++i) store.write([&, i](StoreSession& session) { session.append_event("j", event(i)); });
+  for (int i = 1; i <= 12'000; ++i) store.write([&, i](StoreSession& session) { session.append_event("j", event(i)); });
   store.flush();
   std::atomic<bool> stop{false};
-  std::atomic<int> written{4000};
+  std::atomic<int> written{12'000};
   std::thread writer([&] {
     while (!stop) {
       store.read([&](StoreSession& session) {

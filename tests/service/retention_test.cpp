@@ -60,9 +60,8 @@ TEST(Delete, WithCancelAJobThatRunsGoesWithItsLeases) {
   const TemporaryFolder folder;
   RetentionWorld world(folder.path);
   const std::string id = world.submit("r1", 1, 1, 3);
-  const auto [outcome, response] = world.sync(world.sync_request("w1"));
-  const auto [again, granted] = world.sync(world.sync_request("w1"));
-  ASSERT_TRUE(again.ok());
+  world.sync(world.sync_request("w1"));
+  ASSERT_GT(world.sync(world.sync_request("w1")).second.grants_size(), 0);
   world.coordinator->remove(id, true);
   EXPECT_TRUE(world.jobs().empty());
   EXPECT_EQ(world.work("w1"), 0);
@@ -324,7 +323,7 @@ TEST_P(RandomHistory, WhatIsReferredToStaysWhatIsNotAndIsOldGoesAndADryRunSaysWh
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Seeds, RandomHistory, ::testing::Range(1u, 13u));
+INSTANTIATE_TEST_SUITE_P(Seeds, RandomHistory, ::testing::Range(1u, 9u));
 
 TEST(FastMotion, F32_TwoThousandSmallJobsLeaveTheMemoryFlat) {
   const FastMotion motion = fast_motion(2048, 64, 2);
@@ -359,7 +358,7 @@ TEST(BlobStore, ACleanUpThatRacesUploadsAndHoldsLosesNoAcknowledgedBlob) {
   for (unsigned seed = 0; seed < 3; ++seed) {
     clients.emplace_back([&, seed] {
       std::mt19937 random(seed);
-      for (int i = 0; i < 1500; ++i) {
+      for (int i = 0; i < 600; ++i) {
         const std::string bytes = "blob " + std::to_string(random() % 12);
         const std::string digest = rpc::blob_digest(bytes);
         BlobStore::Hold hold(blobs);

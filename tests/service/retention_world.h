@@ -24,6 +24,7 @@ class RetentionWorld : public CoordinatorWorld {
                            // The wall clock goes with the told one, and nothing is cleaned up unless the test says so.
                            options.unix_ms = [now = options.now] { return kStartUnixMs + now() / 1'000'000; };
                            options.clean_up_by_itself = false;
+                           options.sync_hold = options.busy_sync_hold = kSecond;  // a worker that is told nothing learns it soon
                            if (adjust) adjust(options);
                          }),
         dir_(dir) {}
