@@ -1,4 +1,5 @@
 // F32 on a coordinator in this process: jobs of a million tasks, and many that have ended.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <malloc.h>
@@ -225,7 +226,7 @@ TEST(LargeJobs, F32_WhatHasEndedIsListedInPagesFromTheDatabaseAndARestartReadsWh
     row.state = JobState::Cancelled;
     row.ended_unix_ms = 5;
     for (int i = 0; i < kEnded; ++i) {
-      spec.id = "e" + std::to_string(i);
+      spec.id = fmt::format("e{}", i);
       spec.request_id = "r" + spec.id;
       spec.submitted_unix_ms = i / 3;
       const Job job = make_job(spec);

@@ -1,5 +1,6 @@
 // F14 and F16 on a coordinator in this process: workers that come and go, transfers of a byte a second, and 500 workers that come back
 // at once after a restart.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -49,7 +50,7 @@ std::map<v1::JobEventKind, int> count_events(CoordinatorWorld& world, const std:
 class Fleet {
  public:
   Fleet(CoordinatorWorld& world, int size) : world_(world) {
-    for (int i = 0; i < size; ++i) workers_.push_back({"w" + std::to_string(i), 0, 0, {}});
+    for (int i = 0; i < size; ++i) workers_.push_back({fmt::format("w{}", i), 0, 0, {}});
   }
 
   /// All call at once, each reports what it holds and offers one result of it; waits for all answers. Some may stay away.
