@@ -235,8 +235,7 @@ struct JobEvent {
   std::string task_id, worker_id, message;
 };
 
-/// What keeps a frame from being rendered; the wire has these numbers, and docs/operations.md says of each what to do. The first ones block
-/// it until somebody does something about it; from WorkersBusy on it goes on by itself.
+/// What keeps a frame from being rendered; the wire has these numbers, and docs/operations.md says of each what to do.
 enum class WaitingReason {
   None = 0,
   Paused = 1,
@@ -251,7 +250,12 @@ enum class WaitingReason {
   Committing = 10,
   Merging = 11,
 };
-inline bool blocks(WaitingReason reason) { return reason != WaitingReason::None && reason < WaitingReason::WorkersBusy; }
+/// Whether nothing more of the frame is leased until somebody does something about it, or another job or worker does. From the others it
+/// goes on by itself.
+inline bool blocks(WaitingReason reason) {
+  return reason != WaitingReason::None && reason != WaitingReason::WorkersBusy && reason != WaitingReason::LookingUp &&
+         reason != WaitingReason::Committing && reason != WaitingReason::Merging;
+}
 
 struct Waiting {
   WaitingReason reason = WaitingReason::None;
