@@ -39,6 +39,9 @@ json progress_json(const v1::Progress& progress) {
 }  // namespace
 
 std::string state_name(v1::JobState state) { return short_name(v1::JobState_Name(state), "JOB_STATE_"); }
+std::string waiting_name(v1::WaitingReason reason) {
+  return reason == v1::WAITING_REASON_UNSPECIFIED ? "" : short_name(v1::WaitingReason_Name(reason), "WAITING_REASON_");
+}
 std::string state_name(v1::FrameState state) { return short_name(v1::FrameState_Name(state), "FRAME_STATE_"); }
 
 bool has_ended(v1::JobState state) {
@@ -80,6 +83,7 @@ json frame_json(const v1::FrameStatus& frame) {
   json out{{"frame", frame.frame()},
            {"state", state_name(frame.state())},
            {"progress", progress_json(frame.progress())},
+           {"waiting", waiting_name(frame.waiting())},
            {"waiting_reason", frame.waiting_reason()},
            {"reason", frame.reason()},
            {"image_digest", frame.image_digest()},

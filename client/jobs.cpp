@@ -7,6 +7,7 @@
 
 #include "client/adaptive_render.h"
 #include "client/commands.h"
+#include "client/event_list.h"
 #include "client/fetch_frames.h"
 #include "client/health.h"
 #include "client/job_view.h"
@@ -136,17 +137,24 @@ void add_jobs_command(CLI::App& app, int& code) {
 }
 
 void add_show_command(CLI::App& app, int& code) {
-  auto options = std::make_shared<JobOptions>();
+  struct Options : JobOptions {
+    bool events = false;
+    int64_t after = 0;
+  };
+  auto options = std::make_shared<Options>();
   auto* command = add_job_command(app, "show", "Show a job with its frames, what it waits for, and what failed", options);
-  command->footer("Example:\n  woodcock show JOB");
+  auto* events = command->add_flag("--events", options->events, "What happened to it, from the first event on, a line each");
+  command->add_option("--after", options->after, "Only the events after this number")->check(CLI::NonNegativeNumber)->needs(events);
+  command->footer("Examples:\n  woodcock show JOB\n  woodcock show JOB --events");
   command->callback([options, &code] {
     Service service(options->service);
+    code = 0;
+    if (options->events) return print_events(service, options->job, options->after, options->json);
     const v1::Job job = service.job(options->job);
     if (options->json)
       say_json(job_json(job));
     else
       print_job(job);
-    code = 0;
   });
 }
 

@@ -8,8 +8,8 @@
 
 #include "rpc/convert.h"
 #include "rpc/limits.h"
-#include "rpc/memory_size.h"
 #include "rpc/printable.h"
+#include "rpc/quantities.h"
 
 namespace woodcock {
 namespace {
@@ -73,9 +73,9 @@ void add_policy_options(CLI::App& command, int& priority, v1::JobPolicy& policy)
           "--memory",
           [&policy](const std::string& text) {
             try {
-              policy.set_memory_bytes(rpc::parse_memory(text));
+              policy.set_memory_bytes(rpc::parse_bytes("--memory", text));
             } catch (const std::invalid_argument& error) {
-              throw CLI::ValidationError("--memory", error.what());
+              throw CLI::ValidationError(error.what());
             }
           },
           "Only workers that have so much memory for one task render it, e.g. 8G")
@@ -101,7 +101,7 @@ std::vector<std::string> policy_lines(const v1::Job& job) {
   std::string needs;
   const auto need = [&](const std::string& text) { needs += (needs.empty() ? "" : "; ") + text; };
   if (!policy.required_tags().empty()) need((policy.required_tags_size() > 1 ? "the tags " : "the tag ") + list(policy.required_tags()));
-  if (policy.memory_bytes() > 0) need(rpc::memory_text(policy.memory_bytes()) + " of memory for a task");
+  if (policy.memory_bytes() > 0) need(rpc::bytes_text(policy.memory_bytes()) + " of memory for a task");
   if (policy.max_workers() > 0) need(fmt::format("at most {} worker{} at once", policy.max_workers(), policy.max_workers() > 1 ? "s" : ""));
   if (!needs.empty()) lines.push_back("needs     " + needs);
   if (!policy.after().empty()) lines.push_back("after     " + list(policy.after()));

@@ -9,7 +9,7 @@
 #include "client/commands.h"
 #include "client/print.h"
 #include "client/worker_times.h"
-#include "rpc/memory_size.h"
+#include "rpc/quantities.h"
 
 namespace woodcock {
 namespace {
@@ -59,7 +59,7 @@ void print_workers(const std::vector<v1::WorkerStatus>& workers, const std::stri
   int64_t threads = 0, connected = 0;
   for (const v1::WorkerStatus& worker : workers) {
     say("{:<26} {:<20} {:>5} {:>7} {:>9} {:<11} {:>6} {:>5} s  {:<24.24}  {:<12.12}  {}\n", worker.worker_id(), worker.host_name(),
-        worker.slots(), worker.threads(), worker.memory_bytes() > 0 ? rpc::memory_text(worker.memory_bytes()) : "-",
+        worker.slots(), worker.threads(), worker.memory_bytes() > 0 ? rpc::bytes_text(worker.memory_bytes()) : "-",
         condition_name(worker.condition()), worker.leases(), worker.silent_ms() / 1000, worker.build(), worker.arithmetic_class(),
         list(worker.tags()));
     connected += worker.condition() != v1::WORKER_CONDITION_LEFT;

@@ -66,7 +66,12 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
   }
   held.verdicts.assign(held.offers.size(), {OfferStatus::Pending, ""});
   held.asked.assign(held.offers.size(), false);
-  for (const Offer& offer : held.offers) held.present.push_back(blobs_.contains(offer.result.digest));
+  // Held before they are looked for, until the rows of those that are committed are durable.
+  held.hold = std::make_shared<BlobStore::Hold>(blobs_);
+  for (const Offer& offer : held.offers) {
+    held.hold->add(offer.result.digest);
+    held.present.push_back(blobs_.contains(offer.result.digest));
+  }
   held.sequence = request.sequence();
   held.done = std::move(done);
   const Time now = options_.now();
@@ -225,6 +230,8 @@ bool Coordinator::try_answer(const std::string& worker_id, HeldSync& held, Compl
     *response.add_verdicts() = verdict_to_wire(held.offers[i], held.verdicts[i].first, held.verdicts[i].second);
   response.set_next_sync_ms(undecided ? 1000 : 0);
   response.set_notice(answer.notice);
+  // A commit that it made just now may still have to be carried out.
+  answered_holds_[worker_id] = held.hold;
   completions.push_back([done = std::move(held.done), response = std::move(response)] { done(rpc::Outcome{}, response); });
   return true;
 }

@@ -91,6 +91,9 @@ struct Job {
   std::set<size_t> ready;                       ///< frames that may have a task to lease, or are to be pinned
   std::set<std::string> leases;                 ///< live ones
   std::map<std::string, int> workers;           ///< those that hold them, and how many each
+  WaitingReason waits = WaitingReason::None;    ///< at the last tick
+  Time waits_since = 0;
+  WaitingReason waits_logged = WaitingReason::None;
 
   /// Whether no other worker may join those that render it.
   bool is_full() const { return spec.policy.max_workers > 0 && workers.size() >= spec.policy.max_workers; }

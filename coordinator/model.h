@@ -226,6 +226,7 @@ enum class EventKind {
   ResultRefused = 15,
   TaskReused = 16,
   PassDecided = 17,
+  Waiting = 18,
 };
 
 struct JobEvent {
@@ -234,6 +235,36 @@ struct JobEvent {
   EventKind kind = EventKind::Submitted;
   std::optional<uint64_t> frame;  ///< number of the sequence
   std::string task_id, worker_id, message;
+};
+
+/// What keeps a frame from being rendered; the wire has these numbers, and docs/operations.md says of each what to do.
+enum class WaitingReason {
+  None = 0,
+  Paused = 1,
+  DiskFull = 2,
+  SceneMissing = 3,
+  NoWorker = 4,
+  NoFittingWorker = 5,
+  WorkersUnavailable = 6,
+  WorkersPause = 7,
+  WorkersBusy = 8,
+  LookingUp = 9,
+  Committing = 10,
+  Merging = 11,
+  AfterJobs = 12,
+  NoSuitableWorker = 13,
+  MaxWorkers = 14,
+};
+/// Whether nothing more of the frame is leased until somebody does something about it, or another job or worker does. From the others it
+/// goes on by itself.
+inline bool blocks(WaitingReason reason) {
+  return reason != WaitingReason::None && reason != WaitingReason::WorkersBusy && reason != WaitingReason::LookingUp &&
+         reason != WaitingReason::Committing && reason != WaitingReason::Merging && reason != WaitingReason::MaxWorkers;
+}
+
+struct Waiting {
+  WaitingReason reason = WaitingReason::None;
+  std::string text;  ///< a sentence for people
 };
 
 /// What one attempt at a task reported.

@@ -8,6 +8,8 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
+#include <tuple>
 #include <unordered_map>
 #include <vector>
 
@@ -29,7 +31,9 @@ struct SchedulerOptions {
   Time first_probe = 10 * kSecond;  ///< of a quarantined worker; doubled up to 5 minutes
   Time copy_after = 5 * kSecond;    ///< a running task is not copied to an idle worker before this
   Time copy_queued_after = 2 * kSecond;
-  Time repin_after = 0;  ///< a frame whose build no connected worker has starts again by itself after so long; 0: never
+  Time forget_worker = 24 * 3600 * kSecond;  ///< of a worker that is gone for so long nothing is remembered
+  Time log_wait_after = 10 * kSecond;        ///< a job that waits for so long says so in its events
+  Time repin_after = 0;                      ///< a frame whose build no connected worker has starts again by itself after so long; 0: never
   RunQueue::Shares shares;
 };
 
@@ -189,11 +193,15 @@ class Scheduler {
 
   // What people see.
   Progress progress(const Job& job, Time now) const;
-  std::string waiting_reason(const Job& job, const Frame& frame, Time now) const;
+  /// What a frame waits for. Of a frame that has not ended and has no live lease it is never nothing.
+  Waiting waiting(const Job& job, const Frame& frame, Time now) const;
+  std::string waiting_reason(const Job& job, const Frame& frame, Time now) const { return waiting(job, frame, now).text; }
   /// Of each frame.
-  std::vector<std::string> waiting_reasons(const Job& job, Time now) const;
+  std::vector<Waiting> waiting_of_frames(const Job& job, Time now) const;
   size_t live_leases() const { return leases_.size(); }
   int64_t connected_workers(Time now) const;
+  /// Those that are remembered, connected or not.
+  size_t known_workers() const { return workers_.size(); }
   /// At most `limit` of them by id, those after `after`. The views hold until the next event.
   std::vector<WorkerView> list_workers(const std::string& after, size_t limit, Time now) const;
 
@@ -252,6 +260,12 @@ class Scheduler {
   void wake_frame(Job& job, int frame);
   void fail_frame(Job& job, int frame, const std::string& reason);
 
+  /// What can be told of workers is the same for all frames of one build whose jobs ask for the same: it is kept in `known`.
+  using KnownWaits = std::map<std::tuple<std::string_view, std::string_view, Demands>, Waiting>;
+  Waiting waiting(const Job& job, const Frame& frame, Time now, KnownWaits& known) const;
+  Waiting waiting_for_workers(const Job& job, const Frame& frame, Time now) const;
+  void log_waits(Time now);
+  void forget_workers(Time now);
   bool nobody_fits(const Job& job, const Frame& frame, Time now) const;
   bool start_again(Job& job, int frame);
   void repin_overdue(Time now);
@@ -262,8 +276,6 @@ class Scheduler {
   bool available(const Worker& worker, Time now) const;
   int64_t available_workers(const Job& job, const Frame& frame, Time now) const;
   std::string unmet_demands(const Demands& demands, Time now) const;
-  std::string blocked_reason(const Job& job, const Frame& frame, Time now) const;
-  std::string reason_of_full(const Job& job, const Frame& frame) const;
   bool may_take(const std::string& worker_id, const Job& job, const Frame& frame, const ActiveTask& task, Time now) const;
   std::optional<int64_t> next_task(const std::string& worker_id, const Job& job, Frame& frame, Time now);
   std::optional<TaskRef> choose(const std::string& worker_id, const Worker& worker, Time now);

@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "coordinator/scheduler.h"
-#include "rpc/memory_size.h"
+#include "rpc/quantities.h"
 
 namespace woodcock::coordinator {
 
@@ -29,16 +29,9 @@ std::string Scheduler::unmet_demands(const Demands& demands, Time now) const {
   if (workers.empty()) return "no connected worker has all of the tags " + wanted;
   int64_t most = 0;
   for (const Worker* worker : workers) most = std::max(most, worker->last.memory / worker->last.slots);
-  std::string reason = "no connected worker has " + rpc::memory_text(demands.memory) + " of memory for a task";
+  std::string reason = "no connected worker has " + rpc::bytes_text(demands.memory) + " of memory for a task";
   if (!wanted.empty()) reason += " and the tag" + std::string(demands.tags.size() > 1 ? "s " : " ") + wanted;
-  return reason + (most > 0 ? "; the most is " + rpc::memory_text(most) : "");
-}
-
-/// Why nothing of the frame is leased, where others of its job have all the workers that the job may have.
-std::string Scheduler::reason_of_full(const Job& job, const Frame& frame) const {
-  if (!job.is_full() || has_ended(job.row.state) || !frame.being_rendered() || frame.unsettled == 0) return {};
-  if (std::any_of(frame.active.begin(), frame.active.end(), [](const auto& task) { return !task.second.leases.empty(); })) return {};
-  return "as many workers render the job as it may have at once: " + std::to_string(job.spec.policy.max_workers);
+  return reason + (most > 0 ? "; the most is " + rpc::bytes_text(most) : "");
 }
 
 /// Whether the job's number of workers leaves room for this one.

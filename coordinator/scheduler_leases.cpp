@@ -4,13 +4,6 @@
 #include "coordinator/scheduler.h"
 
 namespace woodcock::coordinator {
-namespace {
-
-/// Of a worker that is gone for so long nothing is remembered.
-constexpr Time kForgetWorker = 24 * 3600 * kSecond;
-
-}  // namespace
-
 bool Scheduler::fits(const Worker& worker, const Job& job, const Frame& frame) const {
   return (!frame.row.pinned || (worker.last.build == frame.row.build && worker.last.arithmetic_class == frame.row.arithmetic_class)) &&
          meets(worker, job.spec.policy.demands);
@@ -234,12 +227,18 @@ void Scheduler::tick(Time now) {
     // One expiry says nothing about the task: machines go away. A task whose leases expire again and again does.
     task_failed(lease.task, lease.worker_id, "lease expired", ++task->expirations >= options_.poison_workers, now);
   }
-  std::erase_if(workers_, [&](const auto& entry) {
-    const Worker& worker = entry.second;
-    return worker.leases.empty() && worker.last_seen > 0 && now - worker.last_seen > kForgetWorker;
-  });
+  forget_workers(now);
+  log_waits(now);
   for (auto& [id, job] : jobs_)
     while (!job.recent.empty() && now - job.recent.front().first > 60 * kSecond && job.recent.size() > 1) job.recent.pop_front();
+}
+
+/// One that has no lease and was not heard of for long, or not at all since the start: a lease of before named it.
+void Scheduler::forget_workers(Time now) {
+  std::erase_if(workers_, [&](const auto& entry) {
+    const Worker& worker = entry.second;
+    return worker.leases.empty() && (worker.last_seen == 0 || now - worker.last_seen > options_.forget_worker);
+  });
 }
 
 bool Scheduler::may_take(const std::string& worker_id, const Job& job, const Frame& frame, const ActiveTask& task, Time now) const {

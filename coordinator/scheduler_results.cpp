@@ -1,6 +1,5 @@
 // Results and failures: what an offer is worth, what a failing task becomes, whose fault it was.
 #include <algorithm>
-#include <string_view>
 
 #include "coordinator/scheduler.h"
 #include "coordinator/task_grid.h"
@@ -252,51 +251,6 @@ bool Scheduler::result_refused(const TaskRef& ref, const ResultRecord& result, c
   reopen(ref, result, reason);
   if (!again) fail_frame(*place.job, ref.frame, reason);
   return true;
-}
-
-std::vector<std::string> Scheduler::waiting_reasons(const Job& job, Time now) const {
-  std::vector<std::string> reasons(job.frames.size());
-  // Frames of one build, or of none yet, wait for the same workers, who are looked through once.
-  std::map<std::pair<std::string_view, std::string_view>, std::string> of_build;
-  for (size_t i = 0; i < job.frames.size(); ++i) {
-    const Frame& frame = job.frames[i];
-    if (has_ended(frame.row.state) || frame.unsettled == 0) continue;
-    if (lost_scenes_.contains(frame.spec.manifest_digest)) {
-      reasons[i] = waiting_reason(job, frame, now);
-      continue;
-    }
-    const auto [it, first] = of_build.try_emplace({frame.row.build, frame.row.arithmetic_class});
-    if (first) it->second = blocked_reason(job, frame, now);
-    reasons[i] = it->second.empty() ? reason_of_full(job, frame) : it->second;
-  }
-  return reasons;
-}
-
-std::string Scheduler::waiting_reason(const Job& job, const Frame& frame, Time now) const {
-  std::string reason = blocked_reason(job, frame, now);
-  return reason.empty() ? reason_of_full(job, frame) : reason;
-}
-
-/// What keeps all frames of this build waiting.
-std::string Scheduler::blocked_reason(const Job& job, const Frame& frame, Time now) const {
-  if (has_ended(job.row.state) || has_ended(frame.row.state) || frame.unsettled == 0) return {};
-  if (job.row.paused) return "the job is paused";
-  if (const std::vector<std::string>& jobs = job.spec.policy.waits_for; !jobs.empty()) {
-    std::string more;
-    if (jobs.size() > 1) more = " and " + std::to_string(jobs.size() - 1) + (jobs.size() == 2 ? " other" : " others");
-    return "waits until job " + jobs.front() + more + (jobs.size() == 1 ? " is done" : " are done");
-  }
-  if (!hold_reason_.empty()) return hold_reason_;
-  if (const auto lost = lost_scenes_.find(frame.spec.manifest_digest); lost != lost_scenes_.end()) return lost->second;
-  if (connected_workers(now) == 0) return "no worker is connected";
-  if (std::string unmet = unmet_demands(job.spec.policy.demands, now); !unmet.empty()) return unmet;
-  if (available_workers(job, frame, now) == 0) {
-    if (!frame.row.pinned) return "every connected worker that may render it is draining or quarantined";
-    return "no connected worker has build " + frame.row.build + " and arithmetic class " + frame.row.arithmetic_class +
-           (job.spec.policy.demands == Demands{} ? "" : " and what the job asks of workers") +
-           "; `woodcock repin` starts it again for those there are";
-  }
-  return {};
 }
 
 }  // namespace woodcock::coordinator

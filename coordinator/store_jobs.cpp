@@ -102,6 +102,7 @@ NewJob::NewJob(const JobSpec& job) : spec(job), settings(to_json(rpc::to_wire(jo
 
 bool StoreSession::insert_job(const NewJob& job) {
   const JobSpec& spec = job.spec;
+  if (is_being_deleted(spec.id)) return false;
   const std::string rounds = rounds_text(spec.rounds), target = target_text(spec), quote = quote_text(spec.quote);
   const std::string policy = policy_text(spec.policy);
   const Integer tile = spec.tile_size, length = spec.range_length, priority = spec.priority, submitted = spec.submitted_unix_ms;

@@ -14,8 +14,8 @@
 #include "rpc/limits.h"
 #include "rpc/log.h"
 #include "rpc/machine_memory.h"
-#include "rpc/memory_size.h"
 #include "rpc/printable.h"
+#include "rpc/quantities.h"
 #include "rpc/standard_output.h"
 #include "worker/frame_task_renderer.h"
 #include "worker/supervisor.h"
@@ -59,12 +59,12 @@ void declare(CLI::App& app, Arguments& arguments) {
          "--memory",
          [&arguments](const std::string& text) {
            try {
-             arguments.memory = rpc::parse_memory(text);
+             arguments.memory = rpc::parse_bytes("--memory", text);
            } catch (const std::invalid_argument& error) {
-             throw CLI::ValidationError("--memory", error.what());
+             throw CLI::ValidationError(error.what());
            }
          },
-         "memory for all slots together, e.g. 32G; each gives its task an equal share (default: what the machine has)")
+         "memory for all slots together, e.g. 32G; each gives its task an equal share (0: what the machine has)")
       ->type_name("SIZE");
   app.add_option("--cache-gb", arguments.cache_gb, "scenes kept on disk, in GB; those in use are kept in any case")
       ->check(CLI::Range(0.0, 1e6))
@@ -137,7 +137,7 @@ int work(const Arguments& arguments) {
   const WorkerFolder folder(arguments.folder);
   spdlog::info("worker {} (start {}) in {}: {} slots of {} threads, {} of memory",
                arguments.name.empty() ? folder.worker_id() : arguments.name, folder.incarnation(), arguments.folder, options.slots,
-               options.threads, rpc::memory_text(options.memory));
+               options.threads, rpc::bytes_text(options.memory));
   Supervisor supervisor(options, folder);
   std::atomic<bool> done{false};
   std::thread watcher([&] { watch_signals(supervisor, signals, done); });

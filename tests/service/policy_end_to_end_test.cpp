@@ -60,14 +60,15 @@ TEST_F(Policies, AJobWaitsForAWorkerWithItsTagsAndMemoryAndSaysSo) {
   const nlohmann::json waits = show(job);
   EXPECT_EQ(waits["state"], "queued");
   EXPECT_EQ(waits["frames"][0]["waiting_reason"], "no connected worker has the tag big");
+  EXPECT_EQ(waits["frames"][0]["waiting"], "no_suitable_worker");
   EXPECT_EQ(waits["policy"]["user"], "ada");
   EXPECT_EQ(waits["policy"]["max_workers"], 1);
   EXPECT_THAT(woodcock({"show", job}).out,
               AllOf(HasSubstr("user      ada"),
-                    HasSubstr("needs     the tags big, gpu-room; 4 GiB of memory for a task; at most 1 worker at once")));
+                    HasSubstr("needs     the tags big, gpu-room; 4.0 GiB of memory for a task; at most 1 worker at once")));
   start_worker({"--tag", "gpu-room", "--tag", "big", "--memory", "4G"});
   EXPECT_EQ(watch(job), 0);
-  EXPECT_THAT(woodcock({"workers"}).out, AllOf(HasSubstr("big,gpu-room"), HasSubstr("4 GiB"), HasSubstr("2 GiB")));
+  EXPECT_THAT(woodcock({"workers"}).out, AllOf(HasSubstr("big,gpu-room"), HasSubstr("4.0 GiB"), HasSubstr("2.0 GiB")));
 }
 
 TEST_F(Policies, AJobAfterAnotherBeginsWhenThatIsDoneAlsoPastACrashOfTheCoordinator) {
@@ -129,7 +130,7 @@ TEST_F(Policies, WrongOptionsAreNamedBeforeAnythingIsDone) {
     EXPECT_THAT(run.err, HasSubstr(wrong[0]));
   }
   for (const std::vector<std::string>& wrong :
-       std::vector<std::vector<std::string>>{{"--tag", ".a"}, {"--memory", "0"}, {"--memory", "1e9"}}) {
+       std::vector<std::vector<std::string>>{{"--tag", ".a"}, {"--memory", "8Q"}, {"--memory", "1e9"}}) {
     Program program("woodcock-worker", joined({"--dir", path("w")}, wrong), folder_ / "wrong");
     EXPECT_EQ(program.wait(kPatience), 2) << wrong[0];
     EXPECT_THAT(program.err(), HasSubstr(wrong[0]));

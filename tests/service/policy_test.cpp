@@ -9,7 +9,6 @@
 #include <stdexcept>
 
 #include "rpc/error.h"
-#include "rpc/memory_size.h"
 #include "tests/service/scheduler_fixture.h"
 
 namespace woodcock::coordinator {
@@ -66,9 +65,9 @@ TEST(Policy, ATaskGoesOnlyToAWorkerWhoseSlotsHaveTheMemory) {
   SchedulerWorld world;
   world.scheduler.add_job(job_of("j1", [](JobPolicy& p) { p.demands.memory = 8 * kGib; }));
   EXPECT_TRUE(world.sync("unknown").empty());
-  EXPECT_EQ(reason(world, "j1"), "no connected worker has 8 GiB of memory for a task");
+  EXPECT_EQ(reason(world, "j1"), "no connected worker has 8.0 GiB of memory for a task");
   EXPECT_TRUE(world.sync("shared", worker_report(world, "shared", {}, 16 * kGib, 4)).empty());
-  EXPECT_EQ(reason(world, "j1"), "no connected worker has 8 GiB of memory for a task; the most is 4 GiB");
+  EXPECT_EQ(reason(world, "j1"), "no connected worker has 8.0 GiB of memory for a task; the most is 4.0 GiB");
   EXPECT_EQ(world.sync("two", worker_report(world, "two", {}, 16 * kGib, 2)).size(), 3u);
   EXPECT_EQ(reason(world, "j1"), "");
 }
@@ -78,7 +77,7 @@ TEST(Policy, MemoryIsNamedTogetherWithTheTagsThatItIsWantedWith) {
   world.scheduler.add_job(job_of("j1", [](JobPolicy& p) { p.demands = {{"big"}, 8 * kGib}; }));
   world.sync("big", worker_report(world, "big", {"big"}, 4 * kGib));
   world.sync("rich", worker_report(world, "rich", {}, 64 * kGib));
-  EXPECT_EQ(reason(world, "j1"), "no connected worker has 8 GiB of memory for a task and the tag big; the most is 4 GiB");
+  EXPECT_EQ(reason(world, "j1"), "no connected worker has 8.0 GiB of memory for a task and the tag big; the most is 4.0 GiB");
 }
 
 TEST(Policy, ATaskThatFailedIsTriedAgainWhereItMayRunAndWaitsForNobodyElse) {
@@ -150,8 +149,10 @@ TEST(Policy, FramesThatWaitForOneOfTheJobsWorkersSaySo) {
   world.scheduler.add_job(spec);
   world.sync("w1");
   world.sync("w2");
-  EXPECT_EQ(world.scheduler.waiting_reasons(*world.scheduler.find("j1"), world.now),
-            (std::vector<std::string>{"", "as many workers render the job as it may have at once: 1"}));
+  const std::vector<Waiting> waits = world.scheduler.waiting_of_frames(*world.scheduler.find("j1"), world.now);
+  EXPECT_EQ(waits[0].reason, WaitingReason::None);
+  EXPECT_EQ(waits[1].reason, WaitingReason::MaxWorkers);
+  EXPECT_EQ(waits[1].text, "as many workers render the job as it may have at once: 1");
 }
 
 TEST(Policy, ALeaseOfAnEarlierLeaderIsNotAdoptedBeyondTheLimitOrByWhoMayNotHaveIt) {
@@ -477,23 +478,6 @@ TEST(Policy, F22WhatIsOutOfBoundsIsRefusedByTheNameOfItsField) {
   refuses("after", [](auto& p) {
     for (int i = 0; i < 65; ++i) p.add_after("j" + std::to_string(i));
   });
-}
-
-TEST(Policy, AmountsOfMemoryAreReadAsPeopleWriteThem) {
-  EXPECT_EQ(rpc::parse_memory("8G"), 8 * kGib);
-  EXPECT_EQ(rpc::parse_memory("8GiB"), 8 * kGib);
-  EXPECT_EQ(rpc::parse_memory("8gb"), 8 * kGib);
-  EXPECT_EQ(rpc::parse_memory("1.5T"), 1536 * kGib);
-  EXPECT_EQ(rpc::parse_memory("512M"), kGib / 2);
-  EXPECT_EQ(rpc::parse_memory("300"), 300);
-  EXPECT_EQ(rpc::parse_memory("300B"), 300);
-  EXPECT_EQ(rpc::parse_memory("1k"), 1024);
-  for (const std::string text :
-       {"", "G", ".", "-1G", "1e3", "8 G", "8Q", "8GG", "8iB", "1..5G", "0", "0.1", "nan", "inf", "0x10", "9999999T"})
-    EXPECT_THROW(rpc::parse_memory(text), std::invalid_argument) << text;
-  EXPECT_EQ(rpc::memory_text(8 * kGib), "8 GiB");
-  EXPECT_EQ(rpc::memory_text(1536 * kGib), "1.5 TiB");
-  EXPECT_EQ(rpc::memory_text(300), "300 B");
 }
 
 }  // namespace
