@@ -37,8 +37,8 @@ class Reader {
   /// `place`: index of the first character that is not as expected.
   [[noreturn]] void fail(size_t place, const std::string& expected) const {
     constexpr size_t kShown = 20;
-    const std::string found =
-        place >= text_.size() ? "the end" : "\"" + rpc::printable(text_.substr(place, std::min(kShown, text_.size() - place))) + "\"";
+    std::string found = "the end";
+    if (place < text_.size()) found = fmt::format("\"{}\"", rpc::printable(text_.substr(place, std::min(kShown, text_.size() - place))));
     throw std::invalid_argument(
         fmt::format("found {} at character {} of \"{}\", expected {}", found, place + 1, rpc::printable(text_.substr(0, 200)), expected));
   }

@@ -33,7 +33,7 @@ struct Machine {
 class Farm {
  public:
   explicit Farm(uint64_t seed) : random_(seed), scheduler_(options()) {
-    for (int i = 0, n = 2 + pick(6); i < n; ++i) start("w" + std::to_string(i));
+    for (int i = 0, n = 2 + pick(6); i < n; ++i) start(std::string("w").append(std::to_string(i)));
   }
 
   void step() {
@@ -56,7 +56,8 @@ class Farm {
         return restart_one();
       case 5:
         scheduler_.tick(now_);
-        return settle("");
+        settle("");
+        return;
       default:
         return call(std::next(machines_.begin(), pick(static_cast<int>(machines_.size())))->first);
     }
@@ -92,7 +93,7 @@ class Farm {
   }
 
   void submit() {
-    JobSpec spec = test_job("j" + std::to_string(next_job_++), pick(3) - 1);
+    JobSpec spec = test_job(std::string("j").append(std::to_string(next_job_++)), pick(3) - 1);
     JobPolicy& policy = spec.policy;
     policy.user = kNames[static_cast<size_t>(pick(kUsers))];
     for (const char* tag : {"big", "gpu"})
@@ -144,7 +145,8 @@ class Farm {
         last.left = true;
         machine.up = false;
         ASSERT_EQ(scheduler_.report(last, now_), ReportStatus::Accepted);
-        return settle("");
+        settle("");
+        return;
       }
       default:
         machine.up = false;  // it vanishes, and its leases with it
@@ -354,7 +356,7 @@ class Farm {
 TEST(PolicyProperties, HoldOverRandomFarms) {
   int leases = 0, copies = 0, ended = 0, full = 0, waited = 0, longest_wait = 0;
   for (uint64_t seed = 1; seed <= kFarms; ++seed) {
-    SCOPED_TRACE("farm of seed " + std::to_string(seed));
+    SCOPED_TRACE(::testing::Message() << "farm of seed " << seed);
     Farm farm(seed);
     for (int i = 0; i < kSteps; ++i) {
       farm.step();

@@ -18,6 +18,8 @@ using ::testing::HasSubstr;
 
 constexpr int64_t kGib = int64_t{1} << 30;
 
+std::string numbered(std::string name, int number) { return name.append(std::to_string(number)); }
+
 JobSpec job_of(const std::string& id, const std::function<void(JobPolicy&)>& adjust, int priority = 0) {
   JobSpec job = test_job(id, priority);
   adjust(job.policy);
@@ -310,7 +312,7 @@ TEST(Policy, AUserWithALargerShareHasMoreUnderWay) {
   world.scheduler.add_job(job_of("b", [](JobPolicy& p) { p.user = "bob"; }));
   std::map<std::string, int> held;
   for (int i = 0; i < 8; ++i)
-    for (const Grant& grant : world.sync("w" + std::to_string(i))) ++held[grant.task.job];
+    for (const Grant& grant : world.sync(numbered("w", i))) ++held[grant.task.job];
   EXPECT_EQ(held["a"], 12);
   EXPECT_EQ(held["b"], 4);
 }
@@ -324,7 +326,7 @@ TEST(Policy, WorkIsCountedInThreadsThatRenderForAUser) {
   world.scheduler.add_job(job_of("b", [](JobPolicy& p) { p.user = "bob"; }));
   std::map<std::string, int> held;
   for (int i = 0; i < 6; ++i)
-    for (const Grant& grant : world.sync("w" + std::to_string(i))) ++held[grant.task.job];
+    for (const Grant& grant : world.sync(numbered("w", i))) ++held[grant.task.job];
   EXPECT_EQ(held["b"], 12) << "twelve threads for each";
   EXPECT_EQ(held["a"], 0);
 }
@@ -347,8 +349,8 @@ TEST(Policy, AmongTheJobsOfAUserWhichComesLaterOrWasPausedDoesNotCatchUp) {
 TEST(RunQueue, AWorkerIsComparedWithDemandsAndNotWithJobs) {
   RunQueue queue;
   for (int i = 0; i < 10'000; ++i) {
-    const std::string id = "j" + std::to_string(i);
-    queue.add(id, i % 5, "user" + std::to_string(i % 7), i % 2 == 0 ? Demands{{"big"}, 0} : Demands{{"gpu"}, 0});
+    const std::string id = numbered("j", i);
+    queue.add(id, i % 5, numbered("user", i % 7), i % 2 == 0 ? Demands{{"big"}, 0} : Demands{{"gpu"}, 0});
     queue.set_queued(id, true);
   }
   queue.add("plain", 0, "ada", {});
@@ -469,14 +471,14 @@ TEST(Policy, F22WhatIsOutOfBoundsIsRefusedByTheNameOfItsField) {
   refuses("required_tags", [](auto& p) { p.add_required_tags("a b"); });
   refuses("required_tags", [](auto& p) { p.add_required_tags("\x1b[2J"); });
   refuses("required_tags", [](auto& p) {
-    for (int i = 0; i < 33; ++i) p.add_required_tags("t" + std::to_string(i));
+    for (int i = 0; i < 33; ++i) p.add_required_tags(numbered("t", i));
   });
   refuses("memory_bytes", [](auto& p) { p.set_memory_bytes(-1); });
   refuses("memory_bytes", [](auto& p) { p.set_memory_bytes((int64_t{1} << 50) + 1); });
   refuses("max_workers", [](auto& p) { p.set_max_workers(100'001); });
   refuses("after", [](auto& p) { p.add_after("../j1"); });
   refuses("after", [](auto& p) {
-    for (int i = 0; i < 65; ++i) p.add_after("j" + std::to_string(i));
+    for (int i = 0; i < 65; ++i) p.add_after(numbered("j", i));
   });
 }
 
