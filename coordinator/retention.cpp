@@ -33,7 +33,8 @@ RetentionPlan::RetentionPlan(Store& store, const BlobStore& blobs, const Retenti
 
 void RetentionPlan::read_scenes() {
   for (const std::string& manifest : store_.look([](StoreSession& session) { return session.manifests(); })) {
-    for (const v1::SceneFile& file : files_of(blobs_, manifest).files()) {
+    const v1::SceneManifest scene = files_of(blobs_, manifest);
+    for (const v1::SceneFile& file : scene.files()) {
       SceneFile& known = files_[digest_prefix(file.content_digest())];
       if (known.manifests++ == 0) known.bytes = blobs_.size(file.content_digest()).value_or(0);
     }
@@ -61,7 +62,8 @@ int64_t RetentionPlan::freed_results(const std::string& job) {
 /// Of a scene that no frame has any more: its list, and the files that no other list has.
 int64_t RetentionPlan::freed_files(const std::string& manifest) {
   int64_t freed = blobs_.size(manifest).value_or(0);
-  for (const v1::SceneFile& file : files_of(blobs_, manifest).files()) {
+  const v1::SceneManifest scene = files_of(blobs_, manifest);
+  for (const v1::SceneFile& file : scene.files()) {
     const auto known = files_.find(digest_prefix(file.content_digest()));
     if (known != files_.end() && --known->second.manifests == 0) freed += known->second.bytes;
   }

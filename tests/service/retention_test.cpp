@@ -336,9 +336,10 @@ TEST(Retention, CleanUpsBesideSubmitsCommitsAndDeletionsTakeNothingThatIsReferre
   world.expect_exact_counts();
   EXPECT_GT(clean_ups, 10);
   int damaged = 0;
-  for (const std::string& id : jobs)
-    for (const v1::JobEvent& event : world.coordinator->events(id, 1000, "").events())
-      damaged += event.kind() == v1::JOB_EVENT_KIND_RESULT_REFUSED;
+  for (const std::string& id : jobs) {
+    const v1::ListEventsResponse page = world.coordinator->events(id, 1000, "");
+    for (const v1::JobEvent& event : page.events()) damaged += event.kind() == v1::JOB_EVENT_KIND_RESULT_REFUSED;
+  }
   EXPECT_EQ(damaged, 0) << "no tile or image was ever gone";
 }
 

@@ -88,9 +88,10 @@ class RetentionWorld : public CoordinatorWorld {
     }
     digests.erase("");
     const soci::rowset<std::string> manifests = (sql.prepare << "select distinct manifest_digest from frames");
-    for (const std::string& manifest : manifests)
-      for (const v1::SceneFile& file : rpc::parse_manifest(coordinator->blobs().read(manifest, 1 << 20)).files())
-        digests.insert(file.content_digest());
+    for (const std::string& manifest : manifests) {
+      const v1::SceneManifest files = rpc::parse_manifest(coordinator->blobs().read(manifest, 1 << 20));
+      for (const v1::SceneFile& file : files.files()) digests.insert(file.content_digest());
+    }
     return digests;
   }
 
