@@ -37,9 +37,10 @@ namespace {
 
 std::string jobs_before(const Job& job) {
   const std::vector<std::string>& jobs = job.spec.policy.waits_for;
-  if (jobs.size() == 1) return "waits until job " + jobs.front() + " is done";
-  return "waits until job " + jobs.front() + " and " + std::to_string(jobs.size() - 1) + (jobs.size() == 2 ? " other" : " others") +
-         " are done";
+  const size_t others = jobs.size() - 1;
+  if (others == 0) return "job " + jobs.front() + ", after which it begins, is not done yet";
+  return "job " + jobs.front() + " and " + std::to_string(others) + (others == 1 ? " other" : " others") +
+         ", after which it begins, are not done yet";
 }
 
 }  // namespace

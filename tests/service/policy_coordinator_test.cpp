@@ -81,12 +81,12 @@ TEST(PolicyOfJobs, AJobBeginsAfterOthersAlsoWhenTheCoordinatorWasStartedAgain) {
     ++world.incarnation;
   };
   restart();
-  EXPECT_THAT(world.coordinator->job(last).state_reason(), HasSubstr("and 1 other are done"));
+  EXPECT_THAT(world.coordinator->job(last).state_reason(), HasSubstr("and 1 other, after which it begins, are not done yet"));
   world.coordinator->set_paused(second, true);
   EXPECT_EQ(world.work("w1"), 4);
   EXPECT_EQ(world.wait_until_ended(first).state(), v1::JOB_STATE_DONE);
   restart();
-  EXPECT_EQ(world.coordinator->job(last).state_reason(), "waits until job " + second + " is done");
+  EXPECT_EQ(world.coordinator->job(last).state_reason(), "job " + second + ", after which it begins, is not done yet");
   EXPECT_EQ(world.work("w1"), 0);
   world.coordinator->set_paused(second, false);
   EXPECT_GE(world.work("w1", 4), 4);

@@ -80,7 +80,7 @@ TEST_F(Policies, AJobAfterAnotherBeginsWhenThatIsDoneAlsoPastACrashOfTheCoordina
   EXPECT_THAT(unknown.err, HasSubstr("there is no job jnobody"));
   kill_coordinator();
   restart_coordinator();
-  EXPECT_EQ(show(second)["frames"][0]["waiting_reason"], "waits until job " + first + " is done");
+  EXPECT_EQ(show(second)["frames"][0]["waiting_reason"], "job " + first + ", after which it begins, is not done yet");
   start_worker();
   EXPECT_EQ(watch(second), 0);
   EXPECT_EQ(show(first)["state"], "done");

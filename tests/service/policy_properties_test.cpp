@@ -16,7 +16,7 @@
 namespace woodcock::coordinator {
 namespace {
 
-constexpr int kFarms = 400, kSteps = 250;
+constexpr int kFarms = 1000, kSteps = 250;
 const std::vector<std::string> kNames{"ada", "bob", "eve", ""};
 constexpr int kUsers = 4;
 constexpr int64_t kGib = int64_t{1} << 30;

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <functional>
 #include <set>
 #include <stdexcept>
@@ -191,17 +192,17 @@ TEST(Policy, AJobBeginsWhenAllThatItWaitsForAreDone) {
         p.after = {"a", "b"};
       },
       50));
-  EXPECT_EQ(reason(world, "c"), "waits until job a and 1 other are done");
+  EXPECT_EQ(reason(world, "c"), "job a and 1 other, after which it begins, are not done yet");
   world.finish_everything("w1");
   EXPECT_EQ(world.commits.size(), 32u);
   for (const TaskRef& task : world.commits) EXPECT_NE(task.job, "c") << "its priority is higher, and it waits all the same";
   world.scheduler.frame_assembled("b", 0, std::string(64, 'e'), 1, {});
   world.settle();
-  EXPECT_EQ(reason(world, "c"), "waits until job a is done");
+  EXPECT_EQ(reason(world, "c"), "job a, after which it begins, is not done yet");
   EXPECT_TRUE(world.sync("w1").empty());
   world.scheduler.frame_assembled("a", 0, std::string(64, 'e'), 1, {});
   world.settle();
-  EXPECT_EQ(reason(world, "c"), "");
+  EXPECT_EQ(reason(world, "c"), "its workers have other work; its turn comes");
   EXPECT_TRUE(world.scheduler.find("c")->spec.policy.waits_for.empty());
   EXPECT_EQ(world.scheduler.find("c")->spec.policy.after.size(), 2u) << "what was asked for stays";
   EXPECT_EQ(world.sync("w1").size(), 2u);
@@ -242,8 +243,8 @@ TEST(Policy, AJobThatIsPartialIsNotDone) {
 
 TEST(Policy, WhatAJobWaitsForIsAskedOfTheDatabaseWhereItIsNotInMemory) {
   const std::vector<std::pair<std::optional<JobState>, std::string>> cases{
-      {JobState::Done, ""},
-      {JobState::Running, "waits until job a is done"},
+      {JobState::Done, "its workers have other work; its turn comes"},
+      {JobState::Running, "job a, after which it begins, is not done yet"},
       {JobState::Failed, "job a, after which this one was to begin, is failed"},
       {std::nullopt, "job a, after which this one was to begin, does not exist any more"}};
   for (const auto& [state, expected] : cases) {
@@ -287,7 +288,10 @@ std::map<std::string, int> served(SchedulerWorld& world, int tasks) {
     world.sync("w1");
     EXPECT_FALSE(world.held["w1"].empty());
     if (world.held["w1"].empty()) break;
-    const Grant grant = world.held["w1"].begin()->second;
+    // In the order in which they were granted, which is not that of their ids as texts.
+    const Grant grant = std::min_element(world.held["w1"].begin(), world.held["w1"].end(), [](const auto& a, const auto& b) {
+                          return a.second.epoch < b.second.epoch;
+                        })->second;
     ++count[grant.task.job];
     world.finish("w1", grant);
   }
