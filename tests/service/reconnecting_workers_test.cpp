@@ -180,7 +180,7 @@ TEST(ReconnectingWorkers, AThousandThatRenderCallAsOftenAsOneCoordinatorAnswersA
   for (int round = 0; round < 20 && fleet.held(0, kWorkers) < 2 * kWorkers; ++round) fleet.sync(0, kWorkers, false);
   ASSERT_EQ(fleet.held(0, kWorkers), 2 * kWorkers);
   // Each calls again as soon as it is answered: how often that is, the coordinator decides.
-  constexpr int kCalls = 40;
+  constexpr int kCalls = 30;
   const Time begin = world.now;
   for (int call = 0; call < kCalls; ++call) fleet.sync(0, kWorkers, false);
   const double seconds = static_cast<double>(world.now - begin) / static_cast<double>(kSecond);
