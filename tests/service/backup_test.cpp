@@ -1,6 +1,7 @@
 // A back-up of a coordinator that runs holds all that its database refers to, and a coordinator that is started on it goes on.
 #include "coordinator/backup.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 
@@ -55,7 +56,7 @@ TEST(Backup, OneThatIsMadeWhileJobsComeAndGoIsWholeAndItsJobsGoOn) {
     std::thread others([&] {
       std::mt19937 random(1);
       for (int i = 0; !stop; ++i) {
-        const std::string id = world.submit("o" + std::to_string(i), 10 + i % 7, static_cast<int>(random() % 5));
+        const std::string id = world.submit(fmt::format("o{}", i), 10 + i % 7, static_cast<int>(random() % 5));
         if (random() % 2 == 0) world.coordinator->remove(id, true);
         if (i % 10 == 9) world.now += 2 * 3600 * kSecond;
         if (i % 10 == 9) world.coordinator->clean_up();
@@ -63,7 +64,7 @@ TEST(Backup, OneThatIsMadeWhileJobsComeAndGoIsWholeAndItsJobsGoOn) {
     });
     std::vector<BackupRecord> records;
     for (int i = 0; i < 8; ++i) {
-      records.push_back(world.coordinator->back_up(target.path + "/" + std::to_string(i)));
+      records.push_back(world.coordinator->back_up(target.path + fmt::format("/{}", i)));
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
     stop = true;
@@ -75,7 +76,7 @@ TEST(Backup, OneThatIsMadeWhileJobsComeAndGoIsWholeAndItsJobsGoOn) {
   }
   for (int i = 0; i < 8; ++i) {
     SCOPED_TRACE(i);
-    const std::string backup = target.path + "/" + std::to_string(i), restored = target.path + "/restored" + std::to_string(i);
+    const std::string backup = target.path + fmt::format("/{}", i), restored = target.path + fmt::format("/restored{}", i);
     const std::set<std::string> before = files_below(backup);
     const BackupRecord record = restore_backup(backup, restored);
     EXPECT_EQ(record.unreadable, 0);
@@ -83,7 +84,7 @@ TEST(Backup, OneThatIsMadeWhileJobsComeAndGoIsWholeAndItsJobsGoOn) {
     RetentionWorld world(restored);
     world.expect_nothing_is_missing();
     world.expect_exact_counts();
-    const std::string done = "j" + rpc::blob_digest("done").substr(0, 12), half = "j" + rpc::blob_digest("half").substr(0, 12);
+    const std::string done = fmt::format("j{:.12}", rpc::blob_digest("done")), half = fmt::format("j{:.12}", rpc::blob_digest("half"));
     EXPECT_TRUE(image_of(world, done) == image);
     EXPECT_EQ(world.coordinator->job(half).progress().tasks_done(), 3);
     if (i == 0) {

@@ -1,6 +1,7 @@
 // A farm in fast motion: small jobs by the thousand, rendered, merged, and let go by their age, within minutes.
 #pragma once
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <malloc.h>
 #include <unistd.h>
@@ -53,7 +54,7 @@ inline FastMotion fast_motion(int jobs, int batch, int keep_days) {
   uint64_t counter = 0;
   for (int done = 0; done < jobs;) {
     std::vector<std::string> ids;
-    for (int i = 0; i < batch; ++i) ids.push_back(world.submit("r" + std::to_string(done + i), done + i, (done + i) % 50));
+    for (int i = 0; i < batch; ++i) ids.push_back(world.submit(fmt::format("r{}", done + i), done + i, (done + i) % 50));
     // One worker with a slot for each task.
     std::map<std::string, v1::LeaseGrant> held;
     for (int committed = 0; committed < 2 * batch;) {

@@ -2,6 +2,7 @@
 // outside.
 #pragma once
 
+#include <fmt/format.h>
 #include <soci/soci.h>
 #include <soci/sqlite3/soci-sqlite3.h>
 
@@ -39,7 +40,7 @@ class RetentionWorld : public CoordinatorWorld {
       file->set_bytes(static_cast<int64_t>(text.size()));
       upload(text);
     };
-    add("scene.pbrt", "scene " + std::to_string(scene));
+    add("scene.pbrt", fmt::format("scene {}", scene));
     add("volume.nvdb", std::string(1000, 'v') + std::to_string(scene % 2));
     upload(rpc::serialize_manifest(manifest));
     v1::SubmitJobRequest r;
@@ -48,7 +49,7 @@ class RetentionWorld : public CoordinatorWorld {
     r.mutable_settings()->set_tile_size(16);
     for (int i = 0; i < frames; ++i) {
       FrameHeader h = header();
-      h.settings_digest = rpc::blob_digest("look " + std::to_string(look));
+      h.settings_digest = rpc::blob_digest(fmt::format("look {}", look));
       h.width = h.height = 32;
       h.bounds = {0, 0, 32, 16};
       h.frame = static_cast<uint64_t>(i);
