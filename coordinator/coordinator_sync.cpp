@@ -109,6 +109,7 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
     if (held.done) held.done({rpc::Code::kInternal, *error}, {});
     return 0;
   }
+  if (report.left && token != 0) spdlog::info("worker {} has left", report.worker_id);
   if (superseded) superseded({rpc::Code::kAborted, "a later call of this worker replaces this one"}, {});
   if (refused) refused(refusal, {});
   return token;
