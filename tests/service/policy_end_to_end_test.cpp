@@ -3,7 +3,9 @@
 
 #include <algorithm>
 
+#include "rpc/channel.h"
 #include "tests/service/service_fixture.h"
+#include "woodcock/v1/blobs_service.grpc.pb.h"
 
 namespace woodcock::testing_service {
 namespace {
@@ -116,6 +118,27 @@ TEST_F(Policies, AWorkerIsShownAsDrainingWhileItFinishesAndEndsAtOnceWhenToldTwi
   EXPECT_THAT(workers_.back()->err(), HasSubstr("quitting at once"));
   start_worker({"--name", "sound"});
   EXPECT_EQ(watch(job), 0);
+}
+
+TEST_F(Policies, TheCoordinatorEndsAtOnceWhenToldTwice) {
+  start_coordinator();
+  // An upload that does not move keeps it for two seconds.
+  const auto blobs = v1::BlobsService::NewStub(rpc::make_channel(address_));
+  grpc::ClientContext context;
+  rpc::set_deadline(context, seconds(60));
+  v1::UploadResponse response;
+  const auto writer = blobs->Upload(&context, &response);
+  v1::UploadRequest request;
+  request.mutable_header()->set_content_digest(std::string(64, 'a'));
+  request.mutable_header()->set_total_bytes(100);
+  ASSERT_TRUE(writer->Write(request));
+  ASSERT_TRUE(eventually(kPatience, [&] { return !fs::is_empty(folder_ / "coordinator" / "uploads"); }));
+  coordinator_->signal(SIGTERM);
+  ASSERT_TRUE(eventually(kPatience, [&] { return coordinator_->err().find("stopping on signal") != std::string::npos; }));
+  coordinator_->signal(SIGTERM);
+  EXPECT_EQ(coordinator_->wait(kPatience), 0);
+  EXPECT_THAT(coordinator_->err(), HasSubstr("ending at once on signal 15"));
+  writer->Finish();
 }
 
 TEST_F(Policies, WrongOptionsAreNamedBeforeAnythingIsDone) {
