@@ -33,9 +33,27 @@ inline int64_t resident_bytes() {
   return resident * ::sysconf(_SC_PAGESIZE);
 }
 
-/// Jobs of one task each in batches; a batch and its clean-up are a quarter of a day, and jobs are kept for `keep_days`.
+/// A folder in memory, where there is one: rows and files count here, not the disk.
+struct MemoryFolder {
+  MemoryFolder() {
+    const std::string memory = "/dev/shm";
+    std::string pattern = std::filesystem::is_directory(memory) ? memory : std::filesystem::temp_directory_path().string();
+    pattern += "/woodcock-test-XXXXXX";
+    if (!::mkdtemp(pattern.data())) throw std::runtime_error("mkdtemp");
+    path = pattern;
+  }
+  ~MemoryFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path, ignored);
+  }
+  MemoryFolder(const MemoryFolder&) = delete;
+  MemoryFolder& operator=(const MemoryFolder&) = delete;
+  std::string path;
+};
+
+/// Jobs of two tasks each in batches; a batch and its clean-up are a quarter of a day, and jobs are kept for `keep_days`.
 inline FastMotion fast_motion(int jobs, int batch, int keep_days) {
-  const TemporaryFolder folder;
+  const MemoryFolder folder;
   RetentionWorld world(folder.path, [&](CoordinatorOptions& options) {
     options.retention.keep_seconds = int64_t{keep_days} * 86400;
     options.merges_at_once = 2;

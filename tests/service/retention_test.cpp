@@ -38,8 +38,7 @@ TEST(Delete, AJobThatRunsIsRefusedByNameAndOneThatEndedIsGoneForEveryone) {
   const std::string id = world.submit("r1", 1, 1);
   EXPECT_THAT(refusal([&] { world.coordinator->remove(id, false); }, rpc::Code::kFailedPrecondition),
               HasSubstr("job " + id + " is queued"));
-  EXPECT_EQ(world.work("w1"), 2);
-  world.wait_until_ended(id);
+  EXPECT_EQ(world.render_all("w1"), 2);
   world.coordinator->remove(id, false);
   EXPECT_THAT(refusal([&] { world.coordinator->job(id); }, rpc::Code::kNotFound), HasSubstr(id));
   EXPECT_THAT(refusal([&] { world.coordinator->frame(id, 0, false); }, rpc::Code::kNotFound), HasSubstr(id));
@@ -54,7 +53,7 @@ TEST(Delete, AJobThatRunsIsRefusedByNameAndOneThatEndedIsGoneForEveryone) {
     EXPECT_EQ(world.rows(table), 0) << table;
   // The same request is a new job.
   EXPECT_EQ(world.submit("r1", 1, 1), id);
-  EXPECT_EQ(world.work("w1"), 2) << "nothing of it is there any more";
+  EXPECT_EQ(world.render_all("w1"), 2) << "nothing of it is there any more";
 }
 
 TEST(Delete, WithCancelAJobThatRunsGoesWithItsLeases) {
@@ -77,10 +76,9 @@ TEST(Delete, WhatAnotherJobHasStaysAndTheRestIsRemoved) {
   const TemporaryFolder folder;
   RetentionWorld world(folder.path);
   const std::string first = world.submit("r1", 1, 1), alone = world.submit("r2", 2, 2);
-  EXPECT_EQ(world.work("w1"), 4);
+  EXPECT_EQ(world.render_all("w1"), 4);
   const std::string second = world.submit("r3", 1, 1);
-  EXPECT_EQ(world.work("w1"), 0) << "its results were there";
-  world.wait_until_all_ended();
+  EXPECT_EQ(world.render_all("w1"), 0) << "its results were there";
   const std::string image = image_of(world, second);
   world.expect_exact_counts();
   world.coordinator->remove(first, false);
@@ -95,9 +93,8 @@ TEST(Delete, WhatAnotherJobHasStaysAndTheRestIsRemoved) {
   EXPECT_FALSE(world.coordinator->blobs().contains(rpc::blob_digest("scene 2")));
   // A later job still finds what the second has.
   world.submit("r4", 1, 1);
-  EXPECT_EQ(world.work("w1"), 0);
+  EXPECT_EQ(world.render_all("w1"), 0);
   for (const v1::Job& job : world.jobs()) {
-    world.wait_until_ended(job.job_id());
     world.coordinator->remove(job.job_id(), false);
   }
   world.now += 2 * 3600 * kSecond;
@@ -109,8 +106,7 @@ TEST(Delete, ARestartGoesOnWithWhatIsHalfDeleted) {
   const TemporaryFolder folder;
   RetentionWorld world(folder.path);
   const std::string id = world.submit("r1", 1, 1, 3), other = world.submit("r2", 1, 1);
-  world.work("w1");
-  world.wait_until_all_ended();
+  world.render_all("w1");
   world.stop();
   {
     // As a crash leaves it: the job is out, some of its rows went.
@@ -150,8 +146,8 @@ TEST(Events, AreListedInPagesWithoutLossOrRepetition) {
   const TemporaryFolder folder;
   RetentionWorld world(folder.path);
   const std::string id = world.submit("r1", 1, 1);
-  world.work("w1");
-  const v1::Job job = world.wait_until_ended(id);
+  world.render_all("w1");
+  const v1::Job job = world.coordinator->job(id);
   int64_t number = 0;
   std::string token;
   std::set<v1::JobEventKind> kinds;
@@ -175,8 +171,7 @@ TEST(Retention, JobsGoByAgeAndThoseThatRunOrJustEndedStay) {
   const TemporaryFolder folder;
   RetentionWorld world(folder.path, [](CoordinatorOptions& options) { options.retention.keep_seconds = 90 * 86400; });
   const std::string old = world.submit("r1", 1, 1);
-  world.work("w1");
-  world.wait_until_ended(old);
+  world.render_all("w1");
   world.now += 80 * kDay;
   const std::string younger = world.submit("r2", 2, 2), runs = world.submit("r3", 3, 3);
   world.coordinator->cancel(younger);
@@ -189,7 +184,7 @@ TEST(Retention, JobsGoByAgeAndThoseThatRunOrJustEndedStay) {
   world.now += 200 * kDay;
   EXPECT_THAT(ids(world.coordinator->clean_up()), ElementsAre(younger));
   EXPECT_EQ(world.coordinator->job(runs).state(), v1::JOB_STATE_QUEUED) << "however old it is";
-  EXPECT_EQ(world.work("w1"), 2);
+  EXPECT_EQ(world.render_all("w1"), 2);
 }
 
 TEST(Retention, BySizeTheOldestGoAndNoMoreThanMust) {
@@ -199,8 +194,7 @@ TEST(Retention, BySizeTheOldestGoAndNoMoreThanMust) {
   std::vector<std::string> jobs;
   for (int i = 0; i < 6; ++i) {
     jobs.push_back(world.submit(fmt::format("r{}", i), i, i));
-    world.work("w1");
-    world.wait_until_ended(jobs.back());
+    world.render_all("w1");
     world.now += 3600 * kSecond;
   }
   const int64_t all = world.bytes();
@@ -229,12 +223,10 @@ TEST(Retention, ASizeIsFreedOnlyWithTheLastJobThatShares) {
   const TemporaryFolder folder;
   RetentionWorld world(folder.path, [](CoordinatorOptions& options) { options.retention.keep_bytes = 1; });
   const std::string first = world.submit("r1", 1, 1);
-  world.work("w1");
-  world.wait_until_ended(first);
+  world.render_all("w1");
   world.now += kSecond;
   const std::string second = world.submit("r2", 1, 1);
-  world.work("w1");
-  world.wait_until_ended(second);
+  world.render_all("w1");
   const int64_t all = world.bytes();
   world.now += 2 * 3600 * kSecond;
   const v1::RetainJobsResponse plan = world.dry_run();
@@ -329,7 +321,8 @@ TEST(Retention, CleanUpsBesideSubmitsCommitsAndDeletionsTakeNothingThatIsReferre
       jobs.erase(jobs.begin());
     }
   }
-  render_everything(world, "w1");
+  const auto rendered = [&](const std::string& id) { return world.coordinator->job(id).state() >= v1::JOB_STATE_ASSEMBLING; };
+  for (int i = 0; i < 100 && !std::all_of(jobs.begin(), jobs.end(), rendered); ++i) render_everything(world, "w1");
   for (const std::string& id : jobs) EXPECT_EQ(world.wait_until_ended(id).state(), v1::JOB_STATE_DONE);
   stop = true;
   cleaner.join();
@@ -362,8 +355,7 @@ TEST_P(RandomHistory, WhatIsReferredToStaysWhatIsNotAndIsOldGoesAndADryRunSaysWh
     const std::string some = jobs.empty() ? "" : jobs[static_cast<size_t>(below(static_cast<int>(jobs.size())))].job_id();
     if (!some.empty() && below(4) == 0) world.coordinator->cancel(some);
     if (below(3) > 0) {
-      world.work("w1");
-      world.wait_until_all_ended();
+      world.render_all("w1");
     }
     if (!some.empty() && below(3) == 0) world.coordinator->remove(some, true);
     if (!some.empty() && below(6) == 0) {
@@ -392,8 +384,7 @@ TEST_P(RandomHistory, WhatIsReferredToStaysWhatIsNotAndIsOldGoesAndADryRunSaysWh
     world.expect_nothing_is_missing();
     if (::testing::Test::HasFailure()) return;
   }
-  world.work("w1");
-  world.wait_until_all_ended();
+  world.render_all("w1");
   world.now += 2 * 3600 * kSecond;
   world.coordinator->clean_up();
   EXPECT_EQ(world.on_disk(), world.referenced()) << "nothing else is left, and nothing of it lacks";
@@ -405,7 +396,7 @@ TEST_P(RandomHistory, WhatIsReferredToStaysWhatIsNotAndIsOldGoesAndADryRunSaysWh
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Seeds, RandomHistory, ::testing::Range(1u, 9u));
+INSTANTIATE_TEST_SUITE_P(Seeds, RandomHistory, ::testing::Range(1u, 7u));
 
 TEST(FastMotion, F32_TwoThousandSmallJobsLeaveTheMemoryFlat) {
   const FastMotion motion = fast_motion(2048, 64, 2);

@@ -6,6 +6,7 @@
 #include <soci/soci.h>
 #include <soci/sqlite3/soci-sqlite3.h>
 
+#include <algorithm>
 #include <set>
 #include <string>
 #include <vector>
@@ -137,6 +138,19 @@ class RetentionWorld : public CoordinatorWorld {
 
   void wait_until_all_ended() {
     for (const v1::Job& job : jobs()) wait_until_ended(job.job_id());
+  }
+
+  /// Renders for `worker` until nothing is left to lease, and waits for the images. Returns how many tiles were committed.
+  int render_all(const std::string& worker) {
+    int committed = 0;
+    const auto left = [this] {
+      const std::vector<v1::Job> all = jobs();
+      return std::any_of(all.begin(), all.end(), [](const v1::Job& job) { return job.state() < v1::JOB_STATE_ASSEMBLING; });
+    };
+    // A worker that asks while results are looked up is told nothing, and asks again.
+    for (int i = 0; i < 100 && left(); ++i) committed += work(worker);
+    wait_until_all_ended();
+    return committed;
   }
 
  private:

@@ -91,7 +91,7 @@ TEST(Waiting, WhatLastsIsLoggedOnceAndAgainAfterItWentOn) {
 TEST(Waiting, WorkersThatLeftAreForgottenAfterATime) {
   SchedulerWorld world;
   LeaseRow lease;
-  lease.lease_id = "L1-1";
+  lease.lease_id = "L0-1";  // of an earlier leader
   lease.task = TaskRef{"j1", 0, 0};
   lease.worker_id = "never-seen";
   lease.epoch = 1;
