@@ -12,6 +12,7 @@
 #include "client/convergence_table.h"
 #include "client/health.h"
 #include "client/interrupt.h"
+#include "client/print.h"
 #include "client/progress_line.h"
 #include "renderer/accuracy/error.h"
 #include "renderer/film/exr.h"
@@ -225,7 +226,7 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
 
   if (blocks.map.samples() == 0) {
     report_health(progress.counters, run.repeat);
-    fmt::print(stderr, "ended before any block was finished: there is no picture, and {} is not written\n", run.output.string());
+    note("ended before any block was finished: there is no picture, and {} is not written\n", run.output.string());
     return 3;
   }
   const ErrorEstimate error = write_blocks(run.output, header, blocks);
@@ -269,20 +270,19 @@ int run_adaptive(const FrameRenderer& frame, const TargetOptions& options, const
                      {"counters", counters_json(progress.counters)}};
     if (options.error) j["target_error"] = *options.error;
     for (const auto& [key, value] : header.settings) j["settings"][key] = value;
-    fmt::print("{}\n", j.dump(2));
+    say_json(j);
   } else {
-    fmt::print("{}: {}x{} pixels in {} passes, {} ({:.3g} s of processor time, {} samples/s), {} threads\n", run.output.string(),
-               header.width, header.height, state.pass, format_seconds(render_seconds), cpu_seconds,
-               format_count(static_cast<double>(progress.samples) / std::max(1e-9, render_seconds)), run.threads);
-    fmt::print("{}: the same picture to look at\n{}: its samples, for --resume and merge\n", png.string(), nodes_path(run.output).string());
-    fmt::print("{}{}{}", format_error(error), run.bias, format_convergence(record, run.threads));
-    fmt::print("{}: errors and times\n{}", sidecar_path(run.output).string(), end_line(end, options, blocks.map, pixels));
+    say("{}: {}x{} pixels in {} passes, {} ({:.3g} s of processor time, {} samples/s), {} threads\n", run.output.string(), header.width,
+        header.height, state.pass, format_seconds(render_seconds), cpu_seconds,
+        format_count(static_cast<double>(progress.samples) / std::max(1e-9, render_seconds)), run.threads);
+    say("{}: the same picture to look at\n{}: its samples, for --resume and merge\n", png.string(), nodes_path(run.output).string());
+    say("{}{}{}", Lines{format_error(error)}, Lines{run.bias}, Lines{format_convergence(record, run.threads)});
+    say("{}: errors and times\n{}", sidecar_path(run.output).string(), Lines{end_line(end, options, blocks.map, pixels)});
   }
   report_health(progress.counters, run.repeat);
   if (error.missing_pixels > 0)
-    fmt::print(stderr, "{} of {} pixels have no samples yet and are black; continue with --resume\n", error.missing_pixels,
-               header.bounds.area());
-  if (end == End::kInterrupt) fmt::print(stderr, "interrupted: continue with --resume\n");
+    note("{} of {} pixels have no samples yet and are black; continue with --resume\n", error.missing_pixels, header.bounds.area());
+  if (end == End::kInterrupt) note("interrupted: continue with --resume\n");
   return end == End::kInterrupt || error.missing_pixels > 0 ? 3 : 0;
 }
 

@@ -12,6 +12,8 @@ void add_compare_command(CLI::App& app, int& code);
 void add_quote_command(CLI::App& app, int& code);
 void add_explain_command(CLI::App& app, int& code);
 void add_estimators_command(CLI::App& app, int& code);
+/// Internal: how a coordinator reads the scenes of ScenesService.SubmitScene.
+void add_resolve_command(CLI::App& app, int& code);
 void add_submit_command(CLI::App& app, int& code);
 void add_jobs_command(CLI::App& app, int& code);
 void add_show_command(CLI::App& app, int& code);

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/commands.h"
+#include "client/print.h"
 #include "renderer/film/picture_file.h"
 
 namespace woodcock {
@@ -43,15 +44,14 @@ nlohmann::json noise_json(const NoiseTest& t) {
 }
 
 void print_noise(const NoiseTest& t) {
-  fmt::print("\nis it noise? ({})\n", t.reference_has_noise ? "both pictures carry their statistics" : "the reference is taken for exact");
-  fmt::print("mean differs by  {:.4g} ± {:.2g} (95 %), z = {:.2f}, p = {:.2g}\n", t.mean_difference.value, t.mean_difference.half_width,
-             t.mean_z, t.mean_p);
-  fmt::print("relative MSE     {:.4g} expected of noise; beyond it {:.3g} ± {:.2g} (95 %)\n", t.expected_relative_mse,
-             t.excess_relative_mse.value, t.excess_relative_mse.half_width);
-  fmt::print("pixels           {} of {} beyond 5 % ({:.1f} % where 5 % are expected), {} beyond 5 %/{} (any is evidence)\n",
-             t.beyond_5_percent, t.pixels, 100 * static_cast<double>(t.beyond_5_percent) / static_cast<double>(t.pixels),
-             t.beyond_corrected, t.pixels);
-  if (!t.caution.empty()) fmt::print("caution: {}\n", t.caution);
+  say("\nis it noise? ({})\n", t.reference_has_noise ? "both pictures carry their statistics" : "the reference is taken for exact");
+  say("mean differs by  {:.4g} ± {:.2g} (95 %), z = {:.2f}, p = {:.2g}\n", t.mean_difference.value, t.mean_difference.half_width, t.mean_z,
+      t.mean_p);
+  say("relative MSE     {:.4g} expected of noise; beyond it {:.3g} ± {:.2g} (95 %)\n", t.expected_relative_mse, t.excess_relative_mse.value,
+      t.excess_relative_mse.half_width);
+  say("pixels           {} of {} beyond 5 % ({:.1f} % where 5 % are expected), {} beyond 5 %/{} (any is evidence)\n", t.beyond_5_percent,
+      t.pixels, 100 * static_cast<double>(t.beyond_5_percent) / static_cast<double>(t.pixels), t.beyond_corrected, t.pixels);
+  if (!t.caution.empty()) say("caution: {}\n", t.caution);
 }
 
 int run(const CompareOptions& options) {
@@ -64,20 +64,20 @@ int run(const CompareOptions& options) {
     j["flip_exposures"] = {{"start", flip.start}, {"stop", flip.stop}, {"count", flip.count}};
     if (noise) j["noise"] = noise_json(*noise);
     if (!options.map.empty()) j["picture"] = options.map;
-    fmt::print("{}\n", j.dump(2));
+    say_json(j);
     return 0;
   }
-  fmt::print("mean luminance   {:.6g}, of the reference {:.6g}\n", d.mean, d.reference_mean);
-  fmt::print("MSE              {:.4g}; relative MSE {:.4g}; PSNR {:.2f} dB\n", d.mse, d.relative_mse, d.psnr);
-  fmt::print("MAPE             {:.3g} %; SMAPE {:.3g} %\n", 100 * d.mape, 100 * d.smape);
-  fmt::print("SSIM             {}\n", d.ssim ? fmt::format("{:.5f}", *d.ssim) : "unknown: smaller than 11x11 pixels");
-  fmt::print("FLIP             {:.5f} as shown; HDR-FLIP {:.5f} over {} exposures from {:+.2f} to {:+.2f}\n", d.flip_ldr, d.flip_hdr,
-             flip.count, flip.start, flip.stop);
+  say("mean luminance   {:.6g}, of the reference {:.6g}\n", d.mean, d.reference_mean);
+  say("MSE              {:.4g}; relative MSE {:.4g}; PSNR {:.2f} dB\n", d.mse, d.relative_mse, d.psnr);
+  say("MAPE             {:.3g} %; SMAPE {:.3g} %\n", 100 * d.mape, 100 * d.smape);
+  say("SSIM             {}\n", d.ssim ? fmt::format("{:.5f}", *d.ssim) : "unknown: smaller than 11x11 pixels");
+  say("FLIP             {:.5f} as shown; HDR-FLIP {:.5f} over {} exposures from {:+.2f} to {:+.2f}\n", d.flip_ldr, d.flip_hdr, flip.count,
+      flip.start, flip.stop);
   if (noise) print_noise(*noise);
   const std::filesystem::path nodes = nodes_path(options.picture);
   if (!noise && look_at(options.picture).kind == FrameFile::Kind::kPicture && !std::filesystem::exists(nodes))
-    fmt::print("\nwhether it is noise cannot be told: {} is not beside the picture\n", nodes.string());
-  if (!options.map.empty()) fmt::print("{}: HDR-FLIP of every pixel, black 0 to white 1\n", options.map);
+    say("\nwhether it is noise cannot be told: {} is not beside the picture\n", nodes.string());
+  if (!options.map.empty()) say("{}: HDR-FLIP of every pixel, black 0 to white 1\n", options.map);
   return 0;
 }
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "client/print.h"
 #include "client/progress_line.h"
 #include "renderer/film/atomic_file.h"
 
@@ -77,7 +78,7 @@ std::filesystem::path sidecar_path(const std::filesystem::path& picture) {
 }
 
 void write_sidecar(const std::filesystem::path& picture, const nlohmann::json& content) {
-  write_text(sidecar_path(picture), content.dump(2) + '\n');
+  write_text(sidecar_path(picture), json_text(content) + '\n');
 }
 
 }  // namespace woodcock

@@ -15,6 +15,7 @@
 
 #include "client/background_program.h"
 #include "client/commands.h"
+#include "client/print.h"
 #include "client/run_program.h"
 #include "client/service.h"
 #include "renderer/frame/frame_renderer.h"
@@ -147,11 +148,11 @@ int run(const DoctorOptions& options) {
     const char* mark = check.finding == Finding::kGood ? "ok" : check.finding == Finding::kNote ? "note" : "WRONG";
     report["checks"].push_back({{"check", check.what}, {"finding", mark}, {"found", check.found}, {"remedy", check.remedy}});
     if (options.json) continue;
-    fmt::print("{:<6} {:<13} {}\n", mark, check.what, check.found);
-    if (!check.remedy.empty()) fmt::print("       {:<13} {}\n", "", check.remedy);
+    say("{:<6} {:<13} {}\n", mark, check.what, check.found);
+    if (!check.remedy.empty()) say("       {:<13} {}\n", "", check.remedy);
   }
   report["healthy"] = healthy;
-  if (options.json) fmt::print("{}\n", report.dump(2));
+  if (options.json) say_json(report);
   return healthy ? 0 : 1;
 }
 

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/commands.h"
+#include "client/print.h"
 
 namespace woodcock {
 namespace {
@@ -37,22 +38,22 @@ void print_json() {
     j["estimators"].push_back(entry);
   }
   for (const FeatureInfo& f : kFeatures) j["features"].push_back({{"name", f.name}, {"meaning", f.meaning}});
-  fmt::print("{}\n", j.dump(2));
+  say_json(j);
 }
 
 void print_text() {
   for (const EstimatorInfo& e : estimators()) {
-    fmt::print("{}: {}\n", e.name, e.summary);
-    fmt::print("  {}\n  source: {}\n", e.formula, e.source);
-    fmt::print("  {}\n", e.biased() ? fmt::format("biased: {}", e.bias) : "unbiased");
-    if (!e.media_scatter) fmt::print("  refuses media that scatter\n");
-    if (!e.samples_lights) fmt::print("  refuses point, spot and distant lights, since it does not sample lights\n");
-    if (e.takes_directions()) fmt::print("  --directions: {}\n", e.directions);
-    if (const auto options = options_of(e); !options.empty()) fmt::print("  takes {}\n", fmt::join(options, ", "));
-    fmt::print("\n");
+    say("{}: {}\n", e.name, e.summary);
+    say("  {}\n  source: {}\n", e.formula, e.source);
+    say("  {}\n", e.biased() ? fmt::format("biased: {}", e.bias) : "unbiased");
+    if (!e.media_scatter) say("  refuses media that scatter\n");
+    if (!e.samples_lights) say("  refuses point, spot and distant lights, since it does not sample lights\n");
+    if (e.takes_directions()) say("  --directions: {}\n", e.directions);
+    if (const auto options = options_of(e); !options.empty()) say("  takes {}\n", fmt::join(options, ", "));
+    say("\n");
   }
-  fmt::print("features of auto, for --without:\n");
-  for (const FeatureInfo& f : kFeatures) fmt::print("  {:<20} {}\n", f.name, f.meaning);
+  say("features of auto, for --without:\n");
+  for (const FeatureInfo& f : kFeatures) say("  {:<20} {}\n", f.name, f.meaning);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include "client/commands.h"
 #include "client/frame_options.h"
+#include "client/print.h"
 #include "renderer/frame/frame_renderer.h"
 #include "renderer/transport/kernels.h"
 #include "renderer/world/effect_plan.h"
@@ -35,7 +36,7 @@ std::string place(const SourceLocation& w) { return w.line == 0 ? std::string() 
 
 int run(const ExplainOptions& options) {
   ReadOptions read;
-  if (!options.json) read.warn = [](const std::string& line) { fmt::print(stderr, "warning: {}\n", line); };
+  if (!options.json) read.warn = [](const std::string& line) { note("warning: {}\n", line); };
   const FrameRenderer frame(options.scene, options.settings, read);
   const SceneDescription& scene = frame.description();
   const auto plan = plan_effects(scene, frame.world());
@@ -55,17 +56,17 @@ int run(const ExplainOptions& options) {
       j["ignored"].push_back({{"what", i.what}, {"where", place(i.where)}, {"changes_picture", i.changes_picture}});
     j["files"] = nlohmann::json::array();
     for (const auto& f : scene.files) j["files"].push_back({{"path", f.relative_path}, {"bytes", f.bytes}, {"sha256", f.sha256}});
-    fmt::print("{}\n", j.dump(2));
+    say_json(j);
     return 0;
   }
-  fmt::print("{}: {}x{} pixels, {} samples per pixel, paths of up to {} scatterings\n", options.scene, h.width, h.height, frame.samples(),
-             scene.settings.max_depth);
+  say("{}: {}x{} pixels, {} samples per pixel, paths of up to {} scatterings\n", options.scene, h.width, h.height, frame.samples(),
+      scene.settings.max_depth);
   for (const auto& e : plan) {
-    fmt::print("  {:<28} {:<4} {}{}\n", e.effect, e.needed ? "yes" : "no", e.reason, e.where.line != 0 ? " (" + place(e.where) + ")" : "");
+    say("  {:<28} {:<4} {}{}\n", e.effect, e.needed ? "yes" : "no", e.reason, e.where.line != 0 ? " (" + place(e.where) + ")" : "");
   }
-  fmt::print("  kernel of auto, compiled for: {}\n", kernel_of(frame.world()));
+  say("  kernel of auto, compiled for: {}\n", kernel_of(frame.world()));
   for (const auto& i : scene.ignored) {
-    fmt::print("  left out{}: {} ({})\n", i.changes_picture ? ", changes the picture" : "", i.what, place(i.where));
+    say("  left out{}: {} ({})\n", i.changes_picture ? ", changes the picture" : "", i.what, place(i.where));
   }
   return 0;
 }

@@ -13,6 +13,7 @@
 #include "client/interrupt.h"
 #include "client/job_view.h"
 #include "client/output_path.h"
+#include "client/print.h"
 #include "renderer/accuracy/error.h"
 #include "renderer/film/picture_file.h"
 #include "renderer/film/png.h"
@@ -84,7 +85,7 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
   for (const v1::FrameStatus& status : job.frames()) {
     if (options.frame && status.frame() != *options.frame) continue;
     if (!options.frame && job.frame_count() > 1 && status.state() == v1::FRAME_STATE_FAILED) {
-      fmt::print(stderr, "frame {} failed and is left out: {}\n", status.frame(), status.reason());
+      note("frame {} failed and is left out: {}\n", status.frame(), status.reason());
       fetched.complete = false;
       continue;
     }
@@ -118,25 +119,25 @@ Fetched fetch_frames(Service& service, const v1::Job& job, const FetchOptions& o
       write_sidecar(path, {{"picture", path.filename().string()}, {"job", job.job_id()}, {"convergence", record}});
     }
     if (options.quiet) continue;
-    fmt::print("{}: frame {}{}\n", path.string(), status.frame(), complete ? "" : ", not complete");
-    fmt::print("{}: the same picture to look at\n{}: its samples, for --resume and merge\n", png.string(), nodes.string());
+    say("{}: frame {}{}\n", path.string(), status.frame(), complete ? "" : ", not complete");
+    say("{}: the same picture to look at\n{}: its samples, for --resume and merge\n", png.string(), nodes.string());
     const ErrorEstimate error = estimate_error(nodes);
-    fmt::print("{}{}", format_error(error), format_bias(job.settings().estimator()));
+    say("{}{}", Lines{format_error(error)}, Lines{format_bias(job.settings().estimator())});
     if (job.has_target()) {
-      if (!response.partial()) fmt::print("{}\n", target_line(job, response.frame()));
+      if (!response.partial()) say("{}\n", target_line(job, response.frame()));
       continue;
     }
     // Of a sequence the files beside the pictures hold it.
-    if (job.frame_count() == 1 || options.frame) fmt::print("{}", format_convergence(convergence, 0));
-    if (!convergence.points.empty()) fmt::print("{}: errors and times\n", sidecar_path(path).string());
+    if (job.frame_count() == 1 || options.frame) say("{}", Lines{format_convergence(convergence, 0)});
+    if (!convergence.points.empty()) say("{}: errors and times\n", sidecar_path(path).string());
   }
   if (fetched.frames.empty() && fetched.complete)
     throw std::runtime_error(fmt::format("job {} has no frame {}", job.job_id(), options.frame.value_or(0)));
   if (fetched.frames.empty()) throw std::runtime_error(fmt::format("all frames of job {} failed", job.job_id()));
   if (!options.quiet && fetched.complete && job.has_target())
-    fmt::print("less error: woodcock extend {} --target-error E\n", job.job_id());
+    say("less error: woodcock extend {} --target-error E\n", job.job_id());
   else if (!options.quiet && fetched.complete)
-    fmt::print("more samples: woodcock extend {} --spp N\n", job.job_id());
+    say("more samples: woodcock extend {} --spp N\n", job.job_id());
   report_health(health);
   return fetched;
 }

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "client/print.h"
+
 #include "renderer/transport/estimator.h"
 
 namespace woodcock {
@@ -29,7 +31,7 @@ std::vector<std::string> health_warnings(const PathCounters& c, const std::strin
 }
 
 void report_health(const PathCounters& counters, const std::string& repeat) {
-  for (const std::string& line : health_warnings(counters, repeat)) fmt::print(stderr, "warning: {}\n", line);
+  for (const std::string& line : health_warnings(counters, repeat)) note("warning: {}\n", line);
 }
 
 nlohmann::json counters_json(const PathCounters& c) {

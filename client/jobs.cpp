@@ -10,6 +10,7 @@
 #include "client/fetch_frames.h"
 #include "client/health.h"
 #include "client/job_view.h"
+#include "client/print.h"
 #include "client/progress_line.h"
 #include "client/quote_record.h"
 #include "client/service.h"
@@ -41,40 +42,40 @@ double percent(const v1::Progress& progress) {
 
 void print_job(const v1::Job& job) {
   const v1::Progress& progress = job.progress();
-  fmt::print("job       {}  {}\n", job.job_id(), job.name());
-  fmt::print("state     {}{}{}\n", state_name(job.state()), job.state_reason().empty() ? "" : ": ", job.state_reason());
+  say("job       {}  {}\n", job.job_id(), job.name());
+  say("state     {}{}{}\n", state_name(job.state()), job.state_reason().empty() ? "" : ": ", job.state_reason());
   if (job.has_target())
-    fmt::print("target    {}\n", describe_target(job.target()));
+    say("target    {}\n", describe_target(job.target()));
   else
-    fmt::print("samples   {} per pixel, {:.1f} % done\n", job.settings().samples(), percent(progress));
-  fmt::print("tasks     {} of {} done, {} leased, {} given up\n", progress.tasks_done(), progress.tasks_total(), progress.tasks_leased(),
-             progress.tasks_failed());
-  fmt::print("cost      {} of processor time so far\n", format_seconds(progress.worker_seconds()));
-  if (job.has_quote()) fmt::print("quote     {}\n", quote_line(job.quote()));
-  if (job.has_quote() && !job.quote().uncertain().empty()) fmt::print("          uncertain: {}\n", job.quote().uncertain());
-  if (job.has_quote_outcome()) fmt::print("became    {}\n", outcome_line(job));
-  if (progress.has_eta_seconds()) fmt::print("left      about {}\n", format_seconds(progress.eta_seconds()));
+    say("samples   {} per pixel, {:.1f} % done\n", job.settings().samples(), percent(progress));
+  say("tasks     {} of {} done, {} leased, {} given up\n", progress.tasks_done(), progress.tasks_total(), progress.tasks_leased(),
+      progress.tasks_failed());
+  say("cost      {} of processor time so far\n", format_seconds(progress.worker_seconds()));
+  if (job.has_quote()) say("quote     {}\n", quote_line(job.quote()));
+  if (job.has_quote() && !job.quote().uncertain().empty()) say("          uncertain: {}\n", job.quote().uncertain());
+  if (job.has_quote_outcome()) say("became    {}\n", outcome_line(job));
+  if (progress.has_eta_seconds()) say("left      about {}\n", format_seconds(progress.eta_seconds()));
   for (const v1::FrameStatus& frame : job.frames()) {
-    fmt::print("frame {:<4}{}", frame.frame(), state_name(frame.state()));
+    say("frame {:<4}{}", frame.frame(), state_name(frame.state()));
     const bool ended = frame.state() == v1::FRAME_STATE_DONE || frame.state() == v1::FRAME_STATE_PARTIAL;
-    if (frame.has_adaptive() && !ended) fmt::print(", {}", pass_line(frame));
-    if (ended || (frame.has_adaptive() && frame.has_statistics())) fmt::print(", {}", error_line(frame.statistics()));
-    if (ended && job.has_target() && frame.reason().empty()) fmt::print(", {}", target_line(job, frame));
-    if (!frame.waiting_reason().empty()) fmt::print(", waits: {}", frame.waiting_reason());
-    if (!frame.reason().empty()) fmt::print(", {}", frame.reason());
-    fmt::print("\n");
-    for (const std::string& line : health_warnings(health_of(frame))) fmt::print("  warning: {}\n", line);
+    if (frame.has_adaptive() && !ended) say(", {}", pass_line(frame));
+    if (ended || (frame.has_adaptive() && frame.has_statistics())) say(", {}", error_line(frame.statistics()));
+    if (ended && job.has_target() && frame.reason().empty()) say(", {}", target_line(job, frame));
+    if (!frame.waiting_reason().empty()) say(", waits: {}", frame.waiting_reason());
+    if (!frame.reason().empty()) say(", {}", frame.reason());
+    say("\n");
+    for (const std::string& line : health_warnings(health_of(frame))) say("  warning: {}\n", line);
     for (const v1::FailedTask& task : frame.failed_tasks())
-      fmt::print("  given up: pixels {},{} to {},{}, samples {} to {}: {}\n", task.rect().x0(), task.rect().y0(), task.rect().x1(),
-                 task.rect().y1(), task.range().begin(), task.range().end(), task.last_error());
+      say("  given up: pixels {},{} to {},{}, samples {} to {}: {}\n", task.rect().x0(), task.rect().y0(), task.rect().x1(),
+          task.rect().y1(), task.range().begin(), task.range().end(), task.last_error());
   }
 }
 
 void report(const v1::Job& job, bool json) {
   if (json)
-    fmt::print("{}\n", job_json(job).dump(2));
+    say_json(job_json(job));
   else
-    fmt::print("job {} is {}\n", job.job_id(), state_name(job.state()));
+    say("job {} is {}\n", job.job_id(), state_name(job.state()));
 }
 
 /// All jobs, newest first, without their frames.
@@ -86,17 +87,17 @@ void print_jobs(const std::vector<v1::Job>& jobs, bool json) {
   if (json) {
     nlohmann::json all = nlohmann::json::array();
     for (const v1::Job& job : jobs) all.push_back(job_json(job));
-    fmt::print("{}\n", nlohmann::json{{"jobs", all}}.dump(2));
+    say_json(nlohmann::json{{"jobs", all}});
     return;
   }
   if (jobs.empty()) {
-    fmt::print("no jobs yet: woodcock submit SCENE\n");
+    say("no jobs yet: woodcock submit SCENE\n");
     return;
   }
-  fmt::print("{:<26} {:<11} {:>7} {:>7} {:>6}  {}\n", "JOB", "STATE", "DONE", "FRAMES", "SPP", "NAME");
+  say("{:<26} {:<11} {:>7} {:>7} {:>6}  {}\n", "JOB", "STATE", "DONE", "FRAMES", "SPP", "NAME");
   for (const v1::Job& job : jobs)
-    fmt::print("{:<26} {:<11} {:>6.1f}% {:>7} {:>6}  {}\n", job.job_id(), state_name(job.state()), percent(job.progress()),
-               job.frame_count(), job.settings().samples(), job.name());
+    say("{:<26} {:<11} {:>6.1f}% {:>7} {:>6}  {}\n", job.job_id(), state_name(job.state()), percent(job.progress()), job.frame_count(),
+        job.settings().samples(), job.name());
 }
 
 /// One call that answers with the job.
@@ -140,7 +141,7 @@ void add_show_command(CLI::App& app, int& code) {
     Service service(options->service);
     const v1::Job job = service.job(options->job);
     if (options->json)
-      fmt::print("{}\n", job_json(job).dump(2));
+      say_json(job_json(job));
     else
       print_job(job);
     code = 0;
@@ -178,7 +179,7 @@ void add_fetch_command(CLI::App& app, int& code) {
     Service service(options->service);
     options->fetch.quiet = options->json;
     const Fetched fetched = fetch_frames(service, service.job(options->job), options->fetch);
-    if (options->json) fmt::print("{}\n", nlohmann::json{{"job_id", options->job}, {"images", fetched.frames}}.dump(2));
+    if (options->json) say_json(nlohmann::json{{"job_id", options->job}, {"images", fetched.frames}});
     code = fetched.complete ? 0 : 3;
   });
 }
@@ -219,7 +220,7 @@ void add_repin_command(CLI::App& app, int& code) {
         request.set_job_id(options->job);
         v1::RepinJobResponse response;
         service.call(&v1::JobsService::Stub::RepinJob, request, response, "starting job " + options->job + " again");
-        if (!options->json) fmt::print("frames that start again: {}\n", response.frames());
+        if (!options->json) say("frames that start again: {}\n", response.frames());
         report(response.job(), options->json);
         code = 0;
       });

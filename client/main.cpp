@@ -1,8 +1,9 @@
 #include <CLI/CLI.hpp>
-#include <cstdio>
 #include <exception>
 
 #include "client/commands.h"
+#include "client/print.h"
+#include "rpc/standard_output.h"
 
 int main(int argc, char** argv) {
   CLI::App app(
@@ -23,6 +24,7 @@ int main(int argc, char** argv) {
   woodcock::add_quote_command(app, code);
   woodcock::add_explain_command(app, code);
   woodcock::add_estimators_command(app, code);
+  woodcock::add_resolve_command(app, code);
   woodcock::add_submit_command(app, code);
   woodcock::add_jobs_command(app, code);
   woodcock::add_show_command(app, code);
@@ -42,10 +44,10 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     // Help and version are no errors; everything else is wrong usage.
-    return app.exit(error) == 0 ? 0 : 2;
+    code = app.exit(error) == 0 ? 0 : 2;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "woodcock: %s\n", error.what());
+    woodcock::note("woodcock: {}\n", woodcock::Lines{error.what()});
     return 1;
   }
-  return code;
+  return woodcock::rpc::exit_code_with_output(code, "woodcock");
 }

@@ -9,6 +9,7 @@
 
 #include "client/commands.h"
 #include "client/output_path.h"
+#include "client/print.h"
 #include "renderer/accuracy/error_summary.h"
 #include "renderer/film/picture_file.h"
 #include "renderer/film/png.h"
@@ -46,13 +47,13 @@ int run(const MergeOptions& options) {
                      {"png", png.string()},
                      {"samples", {info.samples.begin, info.samples.end}},
                      {"missing_pixels", info.missing_pixels}};
-    fmt::print("{}\n", j.dump(2));
+    say_json(j);
   } else {
-    fmt::print("{}: samples {} to {} of {}x{} pixels\n", output.string(), info.samples.begin, info.samples.end, info.header.width,
-               info.header.height);
+    say("{}: samples {} to {} of {}x{} pixels\n", output.string(), info.samples.begin, info.samples.end, info.header.width,
+        info.header.height);
   }
   if (info.missing_pixels == 0) return 0;
-  fmt::print(stderr, "{} pixels miss samples and have count 0; the gaps are listed in the file's header\n", info.missing_pixels);
+  note("{} pixels miss samples and have count 0; the gaps are listed in the file's header\n", info.missing_pixels);
   return 3;
 }
 

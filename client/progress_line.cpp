@@ -5,7 +5,8 @@
 
 #include <cmath>
 #include <cstdio>
-#include <utility>
+
+#include "rpc/printable.h"
 
 namespace woodcock {
 
@@ -25,8 +26,8 @@ std::string format_count(double count) {
   return fmt::format("{:.0f} ", count);
 }
 
-ProgressLine::ProgressLine(std::string what, bool quiet)
-    : what_(std::move(what)),
+ProgressLine::ProgressLine(const std::string& what, bool quiet)
+    : what_(rpc::printable(what)),
       quiet_(quiet),
       terminal_(isatty(STDERR_FILENO) == 1),
       start_(std::chrono::steady_clock::now()),

@@ -12,7 +12,7 @@ std::string format_seconds(double seconds);
 class ProgressLine {
  public:
   /// `quiet` shows nothing. `what` stands before the numbers.
-  ProgressLine(std::string what, bool quiet);
+  ProgressLine(const std::string& what, bool quiet);
   ~ProgressLine();
 
   /// Shows the fraction done in [0, 1], the rate (e.g. "3.1 M samples/s") and the remaining time; not more often

@@ -13,7 +13,9 @@
 #include "client/frame_options.h"
 #include "client/interrupt.h"
 #include "client/pilot.h"
+#include "client/print.h"
 #include "renderer/frame/run_units.h"
+#include "rpc/address.h"
 
 namespace woodcock {
 namespace {
@@ -60,7 +62,7 @@ MadeQuote local_quote(const QuoteRun& run, bool warn, int64_t& pixels, int64_t& 
   const auto start = std::chrono::steady_clock::now();
   ReadOptions read;
   read.allow_outside_files = run.outside_files;
-  if (warn) read.warn = [](const std::string& line) { fmt::print(stderr, "warning: {}\n", line); };
+  if (warn) read.warn = [](const std::string& line) { note("warning: {}\n", line); };
   const FrameRenderer frame(run.scene, run.settings, read);
   MadeQuote made;
   made.load_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -135,25 +137,25 @@ MadeQuote make_quote(const QuoteRun& run, Service& service, const Submission& su
 
 void print_quote(const QuoteRun& run, const MadeQuote& made) {
   if (run.json) {
-    fmt::print("{}\n", quote_json(made).dump(2));
+    say_json(quote_json(made));
     return;
   }
   const Quote& quote = made.quote;
   const auto frames = static_cast<double>(made.frames);
   const WallTime wall = wall_time(made);
   const ErrorEstimate& seen = made.pilot.record.points.back().error;
-  fmt::print("{}: an error of {:.3g} %\n", run.scene, 100 * quote.error);
-  fmt::print("samples    {} per pixel ({} to {})\n", quote.samples, quote.samples_low, quote.samples_high);
-  fmt::print("CPU time   {} ({} to {}){}\n", short_time(quote.cpu_seconds * frames), short_time(quote.cpu_low * frames),
-             short_time(quote.cpu_high * frames), made.frames > 1 ? fmt::format(" for {} frames", made.frames) : "");
-  fmt::print("time       {} ({} to {}) on {}; loading {}{}\n", short_time(wall.value), short_time(wall.low), short_time(wall.high),
-             machines(made), short_time(made.load_seconds), made.workers ? " here" : "");
-  fmt::print("pilot      {} samples of {:.3g} % of the pixels in {} of CPU time; their error was {:.3g} %\n", seen.samples,
-             100 * made.pilot.pixel_share, short_time(made.pilot.cpu_seconds), 100 * seen.relative_error->value);
+  say("{}: an error of {:.3g} %\n", run.scene, 100 * quote.error);
+  say("samples    {} per pixel ({} to {})\n", quote.samples, quote.samples_low, quote.samples_high);
+  say("CPU time   {} ({} to {}){}\n", short_time(quote.cpu_seconds * frames), short_time(quote.cpu_low * frames),
+      short_time(quote.cpu_high * frames), made.frames > 1 ? fmt::format(" for {} frames", made.frames) : "");
+  say("time       {} ({} to {}) on {}; loading {}{}\n", short_time(wall.value), short_time(wall.low), short_time(wall.high), machines(made),
+      short_time(made.load_seconds), made.workers ? " here" : "");
+  say("pilot      {} samples of {:.3g} % of the pixels in {} of CPU time; their error was {:.3g} %\n", seen.samples,
+      100 * made.pilot.pixel_share, short_time(made.pilot.cpu_seconds), 100 * seen.relative_error->value);
   if (const auto& workers = made.workers)
-    fmt::print("workers    {} of every pixel in {} of CPU time, as job {}\n", plural(workers->samples, "sample"),
-               short_time(workers->cpu_seconds), workers->job);
-  if (!quote.uncertain.empty()) fmt::print("uncertain: {}\n", quote.uncertain);
+    say("workers    {} of every pixel in {} of CPU time, as job {}\n", plural(workers->samples, "sample"), short_time(workers->cpu_seconds),
+        workers->job);
+  if (!quote.uncertain.empty()) say("uncertain: {}\n", quote.uncertain);
 }
 
 v1::Quote to_wire(const MadeQuote& made) {
@@ -203,7 +205,8 @@ void add_quote_command(CLI::App& app, int& code) {
       ->add_option_function<std::string>(
           "--server", [options](const std::string& address) { options->service = ServiceOptions{address}; },
           "HOST:PORT of a coordinator: times on its present workers, measured by them, instead of this machine's")
-      ->type_name("HOST:PORT");
+      ->type_name("HOST:PORT")
+      ->check(rpc::problem_of_address);
   add_frame_options(*command, options->run.settings);
   add_quote_options(*command, options->run);
   command->add_flag("--allow-outside-files", options->run.outside_files,

@@ -6,6 +6,7 @@
 
 #include "client/convergence_table.h"
 #include "client/job_view.h"
+#include "client/print.h"
 
 namespace woodcock {
 namespace {
@@ -89,14 +90,13 @@ json totals_json(const Totals& t) {
 void print_row(const v1::Job& job) {
   const v1::Quote& quote = job.quote();
   const auto verdict = judge_quote(job);
-  fmt::print("{:<14} {:>7.3g}% {:>10} {:>10} {:>8} {:>10} {:>10} {:>8}  {}\n", job.job_id(), 100 * quote.relative_error(), quote.samples(),
-             verdict ? fmt::format("{:.0f}", verdict->samples_needed) : "-",
-             verdict ? fmt::format("{:+.1f} %", 100 * verdict->samples_off) : "-", short_time(quote.cpu_seconds()),
-             verdict ? short_time(job.quote_outcome().cpu_seconds()) : "-",
-             verdict ? fmt::format("{:+.1f} %", 100 * verdict->cpu_off) : "-",
-             !verdict                    ? why_not_compared(job)
-             : quote.uncertain().empty() ? job.name()
-                                         : job.name() + " (said it is uncertain)");
+  say("{:<14} {:>7.3g}% {:>10} {:>10} {:>8} {:>10} {:>10} {:>8}  {}\n", job.job_id(), 100 * quote.relative_error(), quote.samples(),
+      verdict ? fmt::format("{:.0f}", verdict->samples_needed) : "-", verdict ? fmt::format("{:+.1f} %", 100 * verdict->samples_off) : "-",
+      short_time(quote.cpu_seconds()), verdict ? short_time(job.quote_outcome().cpu_seconds()) : "-",
+      verdict ? fmt::format("{:+.1f} %", 100 * verdict->cpu_off) : "-",
+      !verdict                    ? why_not_compared(job)
+      : quote.uncertain().empty() ? job.name()
+                                  : job.name() + " (said it is uncertain)");
 }
 
 }  // namespace
@@ -176,22 +176,22 @@ void print_quote_record(const std::vector<v1::Job>& jobs, bool as_json) {
   if (as_json) {
     json all = json::array();
     for (const v1::Job& job : quoted) all.push_back(job_json(job));
-    fmt::print("{}\n", json{{"quotes", totals_json(t)}, {"jobs", all}}.dump(2));
+    say_json(json{{"quotes", totals_json(t)}, {"jobs", all}});
     return;
   }
   if (quoted.empty()) {
-    fmt::print("no job came with a quote yet: woodcock submit SCENE --quote\n");
+    say("no job came with a quote yet: woodcock submit SCENE --quote\n");
     return;
   }
-  fmt::print("{:<14} {:>8} {:>10} {:>10} {:>8} {:>10} {:>10} {:>8}  {}\n", "JOB", "ERROR", "SAMPLES", "NEEDED", "OFF", "CPU TIME", "TOOK",
-             "OFF", "NAME");
+  say("{:<14} {:>8} {:>10} {:>10} {:>8} {:>10} {:>10} {:>8}  {}\n", "JOB", "ERROR", "SAMPLES", "NEEDED", "OFF", "CPU TIME", "TOOK", "OFF",
+      "NAME");
   for (const v1::Job& job : quoted) print_row(job);
-  fmt::print("{} of {} finished quotes held: samples within ±{:.0f} % in {}, CPU time within ±{:.0f} % in {}\n", t.both_held, t.finished,
-             100 * kQuoteTolerance, t.samples_held, 100 * kQuoteTimeTolerance, t.cpu_held);
-  if (t.both_held < t.finished) fmt::print("{} of the {} others had said that they are uncertain\n", t.uncertain, t.finished - t.both_held);
+  say("{} of {} finished quotes held: samples within ±{:.0f} % in {}, CPU time within ±{:.0f} % in {}\n", t.both_held, t.finished,
+      100 * kQuoteTolerance, t.samples_held, 100 * kQuoteTimeTolerance, t.cpu_held);
+  if (t.both_held < t.finished) say("{} of the {} others had said that they are uncertain\n", t.uncertain, t.finished - t.both_held);
   if (t.unfinished + t.extended + t.ended_early + t.unknown > 0)
-    fmt::print("not counted: {} not done, {} extended since, {} ended by a limit, {} whose error is not known\n", t.unfinished, t.extended,
-               t.ended_early, t.unknown);
+    say("not counted: {} not done, {} extended since, {} ended by a limit, {} whose error is not known\n", t.unfinished, t.extended,
+        t.ended_early, t.unknown);
 }
 
 }  // namespace woodcock

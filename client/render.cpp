@@ -13,6 +13,7 @@
 #include "client/interrupt.h"
 #include "client/local_render.h"
 #include "client/output_path.h"
+#include "client/print.h"
 #include "client/progress_line.h"
 #include "renderer/accuracy/error.h"
 #include "renderer/film/exr.h"
@@ -57,7 +58,7 @@ int run(const RenderOptions& options) {
 
   ReadOptions read;
   read.allow_outside_files = options.outside_files;
-  read.warn = [](const std::string& line) { fmt::print(stderr, "warning: {}\n", line); };
+  read.warn = [](const std::string& line) { note("warning: {}\n", line); };
   const FrameRenderer frame(options.scene, options.settings, read);
   const fs::path output = output_path(options.output, frame.description().film.file_name, options.resume);
   const double load_seconds = seconds();
@@ -85,8 +86,8 @@ int run(const RenderOptions& options) {
       }
       samples.begin = std::min(earlier.back().range.end, samples.end);
       if (earlier.back().range.end > samples.end)
-        fmt::print(stderr, "{} holds {} samples per pixel already, more than the {} asked for: all of them are kept\n", there->string(),
-                   earlier.back().range.end, samples.end);
+        note("{} holds {} samples per pixel already, more than the {} asked for: all of them are kept\n", there->string(),
+             earlier.back().range.end, samples.end);
     }
   }
 
@@ -103,7 +104,7 @@ int run(const RenderOptions& options) {
 
   if (result.samples.empty()) {
     report_health(progress.counters, repeat);
-    fmt::print(stderr, "interrupted before any tile was finished: there is no picture, and {} is not written\n", output.string());
+    note("interrupted before any tile was finished: there is no picture, and {} is not written\n", output.string());
     return 3;
   }
   const ErrorEstimate error = write_picture(output, frame.header(), result);
@@ -134,22 +135,22 @@ int run(const RenderOptions& options) {
                      {"sidecar", sidecar_path(output).string()},
                      {"counters", counters_json(progress.counters)}};
     for (const auto& [key, value] : header.settings) j["settings"][key] = value;
-    fmt::print("{}\n", j.dump(2));
+    say_json(j);
   } else {
-    fmt::print("{}: samples {} to {} of {}x{} pixels, {} ({} samples/s), {} threads\n", output.string(), result.samples.begin,
-               result.samples.end, header.width, header.height, format_seconds(render_seconds),
-               format_count(static_cast<double>(progress.samples) / std::max(1e-9, render_seconds)), threads);
-    fmt::print("{}: the same picture to look at\n{}: its samples, for --resume and merge\n", png.string(), nodes_path(output).string());
-    fmt::print("{}{}{}", format_error(error), format_bias(options.settings.estimator), format_convergence(result.convergence, threads));
-    fmt::print("{}: errors and times\n", sidecar_path(output).string());
+    say("{}: samples {} to {} of {}x{} pixels, {} ({} samples/s), {} threads\n", output.string(), result.samples.begin, result.samples.end,
+        header.width, header.height, format_seconds(render_seconds),
+        format_count(static_cast<double>(progress.samples) / std::max(1e-9, render_seconds)), threads);
+    say("{}: the same picture to look at\n{}: its samples, for --resume and merge\n", png.string(), nodes_path(output).string());
+    say("{}{}{}", Lines{format_error(error)}, Lines{format_bias(options.settings.estimator)},
+        Lines{format_convergence(result.convergence, threads)});
+    say("{}: errors and times\n", sidecar_path(output).string());
   }
   report_health(progress.counters, repeat);
   if (!result.complete) {
     if (error.missing_pixels > 0) {
-      fmt::print(stderr, "interrupted in the first pass: {} misses {} pixels (count 0) and cannot be resumed\n", output.string(),
-                 error.missing_pixels);
+      note("interrupted in the first pass: {} misses {} pixels (count 0) and cannot be resumed\n", output.string(), error.missing_pixels);
     } else {
-      fmt::print(stderr, "interrupted: {} holds the samples up to {}; continue with --resume\n", output.string(), result.samples.end);
+      note("interrupted: {} holds the samples up to {}; continue with --resume\n", output.string(), result.samples.end);
     }
     return 3;
   }

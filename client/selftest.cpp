@@ -9,6 +9,7 @@
 
 #include "client/commands.h"
 #include "client/interrupt.h"
+#include "client/print.h"
 #include "client/progress_line.h"
 #include "renderer/frame/frame_renderer.h"
 #include "renderer/selftest/campaign.h"
@@ -97,7 +98,7 @@ int run(const SelftestOptions& options) {
       const std::string other = selftest::changed_text(shrunk);
       if (!other.empty()) write_scene(options.folder, name + "-changed.pbrt", other);
       progress.finish();
-      fmt::print(stderr, "FAILED {}  written to {}\n", selftest::report(verdict, shrunk, options.seed), scene);
+      note("FAILED {}  written to {}\n", Lines{selftest::report(verdict, shrunk, options.seed)}, scene);
       failures.push_back(failure_json(verdict, scene));
     }
     progress.show(timed ? elapsed / options.seconds : static_cast<double>(i + 1) / static_cast<double>(count),
@@ -108,15 +109,15 @@ int run(const SelftestOptions& options) {
     nlohmann::json j = summary_json(options, tally, seconds_since(start));
     j["failures"] = failures;
     if (options.coverage) j["coverage"] = coverage_json(tally.coverage);
-    fmt::print("{}\n", j.dump(2));
+    say_json(j);
   } else {
-    if (options.coverage) fmt::print("{}\n", tally.coverage.table());
-    fmt::print("scenes       {} in {}, seed {}\n", tally.cases, format_seconds(seconds_since(start)), options.seed);
-    fmt::print("comparisons  {} of {}samples; largest z {:.2f}; {} looked at twice\n", tally.comparisons,
-               format_count(static_cast<double>(tally.samples)), tally.largest_z, tally.suspects);
-    fmt::print("covered      {} features, {} pairs of them\n", tally.coverage.features().size(), tally.coverage.pairs_covered());
-    fmt::print("render build {}, arithmetic class {}\n", render_build(), arithmetic_class());
-    fmt::print("{}\n", tally.failures == 0 ? "All came out right." : fmt::format("{} CAME OUT WRONG.", tally.failures));
+    if (options.coverage) say("{}\n", Lines{tally.coverage.table()});
+    say("scenes       {} in {}, seed {}\n", tally.cases, format_seconds(seconds_since(start)), options.seed);
+    say("comparisons  {} of {}samples; largest z {:.2f}; {} looked at twice\n", tally.comparisons,
+        format_count(static_cast<double>(tally.samples)), tally.largest_z, tally.suspects);
+    say("covered      {} features, {} pairs of them\n", tally.coverage.features().size(), tally.coverage.pairs_covered());
+    say("render build {}, arithmetic class {}\n", render_build(), arithmetic_class());
+    say("{}\n", tally.failures == 0 ? "All came out right." : fmt::format("{} CAME OUT WRONG.", tally.failures));
   }
   return tally.failures == 0 && !interrupted ? 0 : 1;
 }

@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "client/interrupt.h"
+#include "rpc/address.h"
 
 namespace woodcock {
 namespace {
@@ -17,6 +18,7 @@ constexpr std::chrono::seconds kConnect{3};
 void add_service_options(CLI::App& command, ServiceOptions& options) {
   command.add_option("--coordinator", options.coordinator, "HOST:PORT of the coordinator")
       ->envname("WOODCOCK_COORDINATOR")
+      ->check(rpc::problem_of_address)
       ->capture_default_str();
 }
 

@@ -12,6 +12,7 @@
 #include "rpc/channel.h"
 #include "rpc/limits.h"
 #include "rpc/status.h"
+#include "rpc/text_fields.h"
 #include "woodcock/v1/blobs_service.grpc.pb.h"
 #include "woodcock/v1/jobs_service.grpc.pb.h"
 
@@ -46,6 +47,7 @@ class Service {
   template <typename Method, typename Request, typename Response>
   void call(Method method, const Request& request, Response& response, const std::string& what,
             std::chrono::milliseconds deadline = rpc::kCallDeadline) {
+    rpc::check_text_fields(request);
     repeat(
         [&] {
           grpc::ClientContext context;

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "client/print.h"
 #include "client/progress_line.h"
 #include "renderer/frame/estimator_settings.h"
 #include "renderer/frame/frame_header.h"
@@ -22,15 +23,18 @@ std::string random_request_id() {
   return fmt::format("{:08x}-{:08x}-{:08x}-{:08x}", random(), random(), random(), random());
 }
 
-void add_frame(const std::string& scene_file, const FrameSettings& settings, int tile, Submission& submission) {
+void warn_user(const std::string& line) { note("warning: {}\n", line); }
+
+void add_frame(const std::string& scene_file, const FrameSettings& settings, int tile, Submission& submission,
+               const std::function<void(const std::string&)>& warn) {
   ReadOptions read;
   read.skip_payload = true;
   read.allow_unsupported = settings.allow_unsupported;
   read.set = settings.set;
-  read.warn = [](const std::string& line) { fmt::print(stderr, "warning: {}\n", line); };
+  read.warn = warn;
   SceneDescription scene = read_scene(scene_file, read);
   apply_settings(settings, scene);
-  for (const std::string& warning : setting_warnings(scene)) read.warn(warning);
+  for (const std::string& warning : setting_warnings(scene)) warn(warning);
 
   v1::SceneManifest manifest;
   for (const SceneFile& file : scene.files) {

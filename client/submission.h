@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <string>
 
@@ -20,10 +21,14 @@ struct Submission {
 
 std::string random_request_id();
 
+/// Prints a warning to standard error.
+void warn_user(const std::string& line);
+
 /// Reads the scene and adds it as a frame with these settings, `settings.frame` its number; tiles of edge `tile`, 0 for the
-/// coordinator's choice. Warnings go to standard error. Throws SceneError, std::invalid_argument, and std::runtime_error where
+/// coordinator's choice. Throws SceneError, std::invalid_argument, and std::runtime_error where
 /// its samples are not those of the frames before it.
-void add_frame(const std::string& scene_file, const FrameSettings& settings, int tile, Submission& submission);
+void add_frame(const std::string& scene_file, const FrameSettings& settings, int tile, Submission& submission,
+               const std::function<void(const std::string&)>& warn = warn_user);
 
 /// Uploads what the coordinator lacks; returns the bytes sent. `quiet` shows no progress.
 int64_t upload_missing(Service& service, const Submission& submission, bool quiet);

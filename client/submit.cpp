@@ -12,6 +12,7 @@
 #include "client/health.h"
 #include "client/interrupt.h"
 #include "client/job_view.h"
+#include "client/print.h"
 #include "client/progress_line.h"
 #include "client/quote.h"
 #include "client/quote_record.h"
@@ -76,6 +77,8 @@ Submission prepare(const SubmitOptions& options, uint64_t first, uint64_t last) 
     submission.request.mutable_target()->set_max_samples(target.max_samples);
     submission.request.mutable_target()->set_max_seconds(options.target.max_seconds.value_or(0));
   }
+  // Before anything is uploaded.
+  rpc::check_text_fields(submission.request);
   return submission;
 }
 
@@ -83,14 +86,14 @@ Submission prepare(const SubmitOptions& options, uint64_t first, uint64_t last) 
 void add_quote(const QuoteRun& run, Service& service, Submission& submission) {
   try {
     const v1::Quote quote = to_wire(make_quote(run, service, submission));
-    if (!run.json) fmt::print(stderr, "quote     {}\n", quote_line(quote));
+    if (!run.json) note("quote     {}\n", quote_line(quote));
     if (quote.relative_error() > rpc::kMaxQuotedError || quote.samples_high() > rpc::kMaxSamplesPerPixel ||
         quote.cpu_seconds_high() > rpc::kMaxQuotedSeconds || quote.seconds_high() > rpc::kMaxQuotedSeconds)
       throw NoQuote("no quote is kept: it is beyond any job's bounds");
     *submission.request.mutable_quote() = quote;
   } catch (const NoQuote& reason) {
     if (interrupt_flag()) throw;
-    fmt::print(stderr, "warning: {}; the job is submitted without one\n", reason.what());
+    note("warning: {}; the job is submitted without one\n", reason.what());
   }
 }
 
@@ -118,10 +121,10 @@ int run(const SubmitOptions& options) {
   if (submission.request.has_quote()) report["quote"] = quote_json(submission.request.quote());
   const bool follow = options.watch || !options.output.empty();
   if (!options.json && !follow) {
-    fmt::print("{}\n", id);
+    say("{}\n", id);
     const v1::SubmitJobRequest& job = submission.request;
-    fmt::print(stderr, "job {}: {} frame{}, {}; follow it with: woodcock watch {}\n", id, last - first + 1, last == first ? "" : "s",
-               job.has_target() ? describe_target(job.target()) : fmt::format("{} samples per pixel", job.settings().samples()), id);
+    note("job {}: {} frame{}, {}; follow it with: woodcock watch {}\n", id, last - first + 1, last == first ? "" : "s",
+         job.has_target() ? describe_target(job.target()) : fmt::format("{} samples per pixel", job.settings().samples()), id);
   }
   int code = 0;
   if (follow) {
@@ -130,9 +133,9 @@ int run(const SubmitOptions& options) {
     service.wait_for_ever();
     code = exit_code(job->state());
     report["job"] = job_json(*job);
-    if (!options.json && job->has_quote_outcome()) fmt::print(stderr, "became    {}\n", outcome_line(*job));
+    if (!options.json && job->has_quote_outcome()) note("became    {}\n", outcome_line(*job));
     if (code == 1) {
-      if (!options.json) fmt::print(stderr, "job {} is {}: {}\n", id, state_name(job->state()), job->state_reason());
+      if (!options.json) note("job {} is {}: {}\n", id, state_name(job->state()), job->state_reason());
     } else if (!options.output.empty()) {
       FetchOptions fetch;
       fetch.output = options.output;
@@ -140,13 +143,13 @@ int run(const SubmitOptions& options) {
       report["images"] = fetch_frames(service, *job, fetch).frames;
     } else {
       if (!options.json) {
-        fmt::print("{}\n", id);
-        fmt::print(stderr, "job {} is {}; get it with: woodcock fetch {} -o OUT.exr\n", id, state_name(job->state()), id);
+        say("{}\n", id);
+        note("job {} is {}; get it with: woodcock fetch {} -o OUT.exr\n", id, state_name(job->state()), id);
       }
       report_health(health_of(*job));
     }
   }
-  if (options.json) fmt::print("{}\n", report.dump(2));
+  if (options.json) say_json(report);
   return code;
 }
 

@@ -13,6 +13,7 @@
 #include "client/commands.h"
 #include "client/frame_options.h"
 #include "client/interrupt.h"
+#include "client/print.h"
 #include "client/progress_line.h"
 #include "client/sweep_plan.h"
 #include "client/sweep_results.h"
@@ -23,6 +24,7 @@
 #include "renderer/frame/run_units.h"
 #include "renderer/scene/scene_error.h"
 #include "renderer/world/effect_plan.h"
+#include "rpc/address.h"
 
 namespace woodcock {
 namespace {
@@ -255,18 +257,17 @@ int run(Options& options) {
   const bool complete = sweep.run();
   line.finish();
   if (findings.references.size() < plan.groups.size()) {
-    fmt::print(stderr, "interrupted before the reference was finished: run the same command again to go on\n");
+    note("interrupted before the reference was finished: run the same command again to go on\n");
     return 3;
   }
   const std::string state = write_results(findings);
   if (options.json) {
-    fmt::print("{}\n", nlohmann::json{{"folder", options.folder},
-                                      {"complete", complete},
-                                      {"state", state},
-                                      {"report", (fs::path(options.folder) / "report.html").string()}}
-                           .dump(2));
+    say_json({{"folder", options.folder},
+              {"complete", complete},
+              {"state", state},
+              {"report", (fs::path(options.folder) / "report.html").string()}});
   } else {
-    fmt::print("{}\n{}: the report\n", state, (fs::path(options.folder) / "report.html").string());
+    say("{}\n{}: the report\n", state, (fs::path(options.folder) / "report.html").string());
   }
   return complete ? 0 : 3;
 }
@@ -315,7 +316,8 @@ void add_sweep_command(CLI::App& app, int& code) {
                            options->by_workers = true;
                          },
                          "Let the workers of this coordinator render, each picture as a job (default: this process)")
-                     ->type_name("HOST:PORT");
+                     ->type_name("HOST:PORT")
+                     ->check(rpc::problem_of_address);
   command->add_option("--threads", options->threads, "Threads (default: one for each processor)")
       ->check(CLI::Range(1, 1024))
       ->excludes(server);

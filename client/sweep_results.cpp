@@ -8,6 +8,7 @@
 #include <iterator>
 
 #include "client/frame_options.h"
+#include "client/print.h"
 #include "client/run_program.h"
 #include "renderer/accuracy/convergence.h"
 #include "renderer/accuracy/sweep_plot.h"
@@ -306,7 +307,7 @@ std::string write_results(const SweepFindings& f) {
   add_plots(f, curves, report);
   report.state = state_of(f, curves, report);
   write_text(f.store->folder() / "results.csv", csv_of(f, curves));
-  write_text(f.store->folder() / "results.json", json_of(f, curves, report).dump(2) + "\n");
+  write_text(f.store->folder() / "results.json", json_text(json_of(f, curves, report)) + "\n");
   write_text(f.store->folder() / "report.html", sweep_html(report));
   return report.state;
 }

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "client/print.h"
 #include "renderer/film/atomic_file.h"
 
 namespace woodcock {
@@ -29,7 +30,9 @@ std::string differences(const nlohmann::json& there, const nlohmann::json& asked
   nlohmann::json names = there;
   names.update(asked);
   for (const auto& [name, value] : names.items()) {
-    const auto shown = [&, key = name](const nlohmann::json& j) { return j.contains(key) ? j[key].dump() : std::string("nothing"); };
+    const auto shown = [&, key = name](const nlohmann::json& j) {
+      return j.contains(key) ? json_text(j[key], -1) : std::string("nothing");
+    };
     if (shown(there) != shown(asked)) text += fmt::format("\n  {}: {} there, {} asked for", name, shown(there), shown(asked));
   }
   return text;
@@ -53,7 +56,7 @@ SweepStore::SweepStore(fs::path folder, const nlohmann::json& plan) : folder_(st
     throw std::runtime_error(folder_.string() + " is not empty and holds no sweep: name another folder with -o");
   }
   fs::create_directories(folder_);
-  if (!fs::exists(file)) write_text(file, plan.dump(2) + "\n");
+  if (!fs::exists(file)) write_text(file, json_text(plan) + "\n");
   fs::create_directories(folder_ / "runs");
   fs::create_directories(folder_ / "pictures");
 }
@@ -87,7 +90,7 @@ void SweepStore::save(const std::string& id, const RunRecord& record) const {
                       {"picture", p.picture}});
   const nlohmann::json j{{"samples", record.samples}, {"cpu_seconds", record.cpu_seconds}, {"nodes", record.nodes},
                          {"job", record.job},         {"refused", record.refused},         {"points", points}};
-  write_text(folder_ / "runs" / (id + ".json"), j.dump(2) + "\n");
+  write_text(folder_ / "runs" / (id + ".json"), json_text(j) + "\n");
 }
 
 }  // namespace woodcock

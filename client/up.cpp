@@ -12,7 +12,10 @@
 #include "client/background_program.h"
 #include "client/commands.h"
 #include "client/interrupt.h"
+#include "client/print.h"
+#include "rpc/address.h"
 #include "rpc/channel.h"
+#include "rpc/standard_output.h"
 
 namespace woodcock {
 namespace {
@@ -71,8 +74,8 @@ class Keeper {
       if (program.running()) continue;
       if (!state.again_at) {
         if (now - state.started > kRunsWell) state.pause = kFirstRestart;
-        fmt::print(stderr, "{} {}: it is started again in {:.1f} s. Its last output:\n{}\n", program.name(), program.how_it_ended(),
-                   1e-3 * static_cast<double>(state.pause.count()), program.last_output());
+        note("{} {}: it is started again in {:.1f} s. Its last output:\n{}\n", program.name(), program.how_it_ended(),
+             1e-3 * static_cast<double>(state.pause.count()), Lines{program.last_output()});
         state.again_at = now + state.pause;
         state.pause = std::min(2 * state.pause, kLastRestart);
       } else if (now >= *state.again_at) {
@@ -81,7 +84,7 @@ class Keeper {
         try {
           program.start_again();
         } catch (const std::exception& error) {
-          fmt::print(stderr, "{}\n", error.what());
+          note("{}\n", error.what());
         }
       }
     }
@@ -97,6 +100,11 @@ class Keeper {
   Programs& programs_;
   std::vector<State> states_;
 };
+
+/// IPv6 as it stands before a port.
+std::string with_brackets(const std::string& host) {
+  return host.find(':') == std::string::npos || host[0] == '[' ? host : "[" + host + "]";
+}
 
 /// Ends them in this order: workers first, so that they can hand in what they have.
 void stop(Programs& programs) {
@@ -118,10 +126,11 @@ void serve(const UpOptions& options, const fs::path& folder, Programs& programs)
   fs::create_directories(logs);
   std::error_code ignored;
   fs::remove(coordinator_folder / "address", ignored);  // of an earlier run
-  programs.push_back(std::make_unique<BackgroundProgram>(
-      "woodcock-coordinator",
-      std::vector<std::string>{"--dir", coordinator_folder.string(), "--listen", fmt::format("{}:{}", options.host, options.port)},
-      logs / "coordinator.log"));
+  programs.push_back(
+      std::make_unique<BackgroundProgram>("woodcock-coordinator",
+                                          std::vector<std::string>{"--dir", coordinator_folder.string(), "--listen",
+                                                                   fmt::format("{}:{}", with_brackets(options.host), options.port)},
+                                          logs / "coordinator.log"));
   std::string address;
   const auto coordinator_listens = [&] { return !(address = rpc::read_address_file(coordinator_folder.string())).empty(); };
   if (!wait_until(programs, "the coordinator", coordinator_listens)) return;
@@ -145,16 +154,14 @@ void serve(const UpOptions& options, const fs::path& folder, Programs& programs)
   if (!wait_until(programs, "a worker", workers_connected)) return;
 
   if (options.json) {
-    fmt::print("{}\n",
-               nlohmann::json{{"address", address}, {"dir", folder.string()}, {"workers", options.workers}, {"threads_per_worker", threads}}
-                   .dump());
+    say_json({{"address", address}, {"dir", folder.string()}, {"workers", options.workers}, {"threads_per_worker", threads}}, -1);
   } else {
     const std::string where = address == rpc::kDefaultAddress ? "" : " --coordinator " + address;
-    fmt::print("coordinator at {}, {} workers of {} threads, everything in {}\n", address, options.workers, threads, folder.string());
-    fmt::print("render there:  woodcock submit SCENE{} -o OUT.exr\n", where);
-    fmt::print("stop with Ctrl-C; jobs go on at the next start\n");
+    say("coordinator at {}, {} workers of {} threads, everything in {}\n", address, options.workers, threads, folder.string());
+    say("render there:  woodcock submit SCENE{} -o OUT.exr\n", where);
+    say("stop with Ctrl-C; jobs go on at the next start\n");
   }
-  std::fflush(stdout);
+  rpc::flush_standard_output();
   // Workers know this address: a coordinator that is started again listens there, also where the port was any free one.
   programs.front()->set_arguments({"--dir", coordinator_folder.string(), "--listen", address});
   Keeper keeper(programs);
@@ -190,7 +197,12 @@ void add_up_command(CLI::App& app, int& code) {
       ->capture_default_str();
   command->add_option("--dir", options->folder, "Folder for jobs, results, scenes and logs; made if absent, used again if there")
       ->capture_default_str();
-  command->add_option("--host", options->host, "Address to listen on; anyone who reaches it may submit jobs")->capture_default_str();
+  command->add_option("--host", options->host, "Address to listen on; anyone who reaches it may submit jobs")
+      ->check([](const std::string& host) {
+        return rpc::problem_of_address(with_brackets(host) + ":1").empty() ? ""
+                                                                           : "expected the name or number of one address of this machine";
+      })
+      ->capture_default_str();
   command->add_option("--port", options->port, "Port to listen on; 0 takes a free one")->check(CLI::Range(0, 65535))->capture_default_str();
   command->add_flag("--json", options->json, "When ready, one JSON object on standard output: address, dir, workers");
   command->footer(

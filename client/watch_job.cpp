@@ -10,6 +10,7 @@
 
 #include "client/interrupt.h"
 #include "client/job_view.h"
+#include "client/print.h"
 #include "client/progress_line.h"
 
 namespace woodcock {
@@ -81,6 +82,7 @@ std::optional<v1::Job> watch_job(Service& service, const std::string& job_id, co
     v1::WatchJobRequest request;
     request.set_job_id(job_id);
     request.set_after_event(cursor);
+    rpc::check_text_fields(request);
     grpc::ClientContext context;
     rpc::set_deadline(context, kStreamDeadline);
     grpc::Status status;
@@ -123,12 +125,12 @@ std::optional<v1::Job> watch_job_on_terminal(Service& service, const std::string
     for (const v1::JobEvent& event : update.events()) {
       if (!is_remarkable(event.kind())) continue;
       line.finish();
-      fmt::print(stderr, "{}\n", event.message());
+      note("{}\n", event.message());
     }
     const v1::Job& job = update.job();
     if (job.state() != state) {
       line.finish();
-      fmt::print(stderr, "job {} is {}{}{}\n", job_id, state_name(job.state()), job.state_reason().empty() ? "" : ": ", job.state_reason());
+      note("job {} is {}{}{}\n", job_id, state_name(job.state()), job.state_reason().empty() ? "" : ": ", job.state_reason());
       state = job.state();
     }
     const v1::Progress& progress = job.progress();
@@ -140,10 +142,10 @@ std::optional<v1::Job> watch_job_on_terminal(Service& service, const std::string
   auto job = watch_job(service, job_id, show, [&](const std::string& text) {
     if (quiet) return;
     line.finish();
-    fmt::print(stderr, "{}\n", text);
+    note("{}\n", text);
   });
   line.finish();
-  if (!job && !quiet) fmt::print(stderr, "stopped watching; the job goes on: woodcock watch {}\n", job_id);
+  if (!job && !quiet) note("stopped watching; the job goes on: woodcock watch {}\n", job_id);
   return job;
 }
 

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/commands.h"
+#include "client/print.h"
 #include "client/worker_times.h"
 
 namespace woodcock {
@@ -39,20 +40,20 @@ nlohmann::json worker_json(const v1::WorkerStatus& worker) {
 
 void print_workers(const std::vector<v1::WorkerStatus>& workers, const std::string& address) {
   if (workers.empty()) {
-    fmt::print("no worker is connected to {}: start one with `woodcock-worker --dir DIR --coordinator {}`\n", address, address);
+    say("no worker is connected to {}: start one with `woodcock-worker --dir DIR --coordinator {}`\n", address, address);
     return;
   }
-  fmt::print("{:<26} {:<20} {:>5} {:>7} {:<11} {:>6} {:>7}  {:<24}  {:<12}\n", "WORKER", "HOST", "SLOTS", "THREADS", "STATE", "LEASES",
-             "HEARD", "BUILD", "CLASS");
+  say("{:<26} {:<20} {:>5} {:>7} {:<11} {:>6} {:>7}  {:<24}  {:<12}\n", "WORKER", "HOST", "SLOTS", "THREADS", "STATE", "LEASES", "HEARD",
+      "BUILD", "CLASS");
   int64_t threads = 0;
   for (const v1::WorkerStatus& worker : workers) {
-    fmt::print("{:<26} {:<20} {:>5} {:>7} {:<11} {:>6} {:>5} s  {:<24.24}  {:<12.12}\n", worker.worker_id(), worker.host_name(),
-               worker.slots(), worker.threads(), condition_name(worker.condition()), worker.leases(), worker.silent_ms() / 1000,
-               worker.build(), worker.arithmetic_class());
+    say("{:<26} {:<20} {:>5} {:>7} {:<11} {:>6} {:>5} s  {:<24.24}  {:<12.12}\n", worker.worker_id(), worker.host_name(), worker.slots(),
+        worker.threads(), condition_name(worker.condition()), worker.leases(), worker.silent_ms() / 1000, worker.build(),
+        worker.arithmetic_class());
     if (worker.condition() == v1::WORKER_CONDITION_READY) threads += render_threads(worker);
   }
-  fmt::print("{} worker{} connected; those that are ready render on {} threads (slots × threads)\n", workers.size(),
-             workers.size() == 1 ? "" : "s", threads);
+  say("{} worker{} connected; those that are ready render on {} threads (slots × threads)\n", workers.size(),
+      workers.size() == 1 ? "" : "s", threads);
 }
 
 }  // namespace
@@ -80,7 +81,7 @@ void add_workers_command(CLI::App& app, int& code) {
     if (options->json) {
       nlohmann::json all = nlohmann::json::array();
       for (const v1::WorkerStatus& worker : workers) all.push_back(worker_json(worker));
-      fmt::print("{}\n", nlohmann::json{{"workers", all}}.dump(2));
+      say_json(nlohmann::json{{"workers", all}});
     } else {
       print_workers(workers, service.address());
     }

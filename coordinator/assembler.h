@@ -1,5 +1,5 @@
-// From committed tiles to a frame's EXR. The tiles come from workers and are not trusted: the merge runs in a child process, so
-// that a crafted file ends the child at most.
+// From committed tiles to a frame's EXR. The tiles come from workers and are not trusted: merge_pool.h runs each merge in a process
+// of its own, so that a crafted file ends that process at most.
 #pragma once
 
 #include <functional>
@@ -19,6 +19,8 @@ struct AssembleRequest {
   std::optional<SamplingTarget> target;
   std::vector<bool> closed;
   bool prefixes = false;  ///< tell the errors of its first samples, too
+  /// Instead of all that: make the picture of this node file.
+  std::string picture_of;
 };
 
 /// `error` says why there is no image; `damaged` are the tiles, by index, that are not what they should be.
@@ -30,20 +32,17 @@ struct AssembleResult {
   Decision decision;  ///< where a target was given
 };
 
-/// How a merge is run: in a child, or in this process by tests.
+/// How a merge is run: in a process of its own, or in this one by tests. Called by several threads.
 using AssembleFunction = std::function<AssembleResult(const AssembleRequest&)>;
 
 /// Checks every tile by itself, merges them, and measures the error reached. Throws nothing.
 AssembleResult assemble(const AssembleRequest& request);
 
-/// Runs `assemble` in a child: `program --assemble SPEC`, with bounded memory and time. `temporary_dir` holds the
-/// specification meanwhile. A child that crashes or takes too long is an error of the result.
-/// `started` is called when the child runs. The child ends with the thread that started it, and so with this process.
-AssembleResult assemble_in_child(
-    const std::string& program, const std::string& temporary_dir, const AssembleRequest& request,
-    const std::function<void()>& started = [] {});
-
-/// The child's main function: reads the specification, writes one JSON object to standard output. Returns the exit code.
-int assemble_main(const std::string& spec_path);
+/// Requests and results as text, for a process of its own (merge_pool.h). The ways back throw std::exception for text that is
+/// nothing of the kind; a result comes from a process that has read files which are not trusted, and is held against its request.
+std::string text_of(const AssembleRequest& request);
+AssembleRequest request_from_text(const std::string& text);
+std::string text_of(const AssembleResult& result);
+AssembleResult result_from_text(const std::string& text, const AssembleRequest& request);
 
 }  // namespace woodcock::coordinator

@@ -276,14 +276,16 @@ bool is_hexadecimal(const std::string& name, size_t length) {
 
 }  // namespace
 
-size_t BlobStore::sweep(const std::set<std::string>& referenced, Time now, const std::function<void(const std::string&)>& warn) {
+size_t BlobStore::sweep(const DigestSet& referenced, Time now, const std::function<void(const std::string&)>& warn) {
   // Pins are not remembered over a restart: then everything counts as pinned when the coordinator started.
   if (now - started_ < options_.pin) return 0;
   size_t removed = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(pins_, [&](const auto& pin) { return pin.second <= now; });
+  }
   const auto kept = [&](const std::string& digest) {
     const std::lock_guard lock(mutex_);
-    const auto pin = pins_.find(digest);
-    if (pin != pins_.end() && pin->second <= now) pins_.erase(pin);
     return uploading_.contains(digest) || pins_.contains(digest);
   };
   // Where blobs are a volume of its own, its lost+found lies among them.
@@ -291,7 +293,7 @@ size_t BlobStore::sweep(const std::set<std::string>& referenced, Time now, const
     if (!is_hexadecimal(folder.filename(), 2)) continue;
     for (const fs::path& path : names_in(folder, warn)) {
       const std::string name = path.filename();
-      if (!is_hexadecimal(name, 64) || referenced.contains(name) || kept(name)) continue;
+      if (!is_hexadecimal(name, 64) || referenced.may_contain(name) || kept(name)) continue;
       removed += ::unlink(path.c_str()) == 0;
     }
   }

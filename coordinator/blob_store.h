@@ -13,6 +13,7 @@
 #include <string>
 #include <string_view>
 
+#include "coordinator/digest_set.h"
 #include "coordinator/failpoint.h"
 #include "coordinator/model.h"
 
@@ -90,10 +91,10 @@ class BlobStore {
   bool verify(const std::string& digest, std::string* why = nullptr) const;
   /// Throws away a blob that is damaged, whatever stands in its place.
   void remove(const std::string& digest) const;
-  /// Removes blobs and partial uploads that are neither pinned nor referenced; returns how many. What is not the store's is left
-  /// alone, what cannot be read is passed over and told to `warn`.
+  /// Removes blobs and partial uploads that are neither pinned nor referenced, and forgets pins that are over; returns how many went. What
+  /// is not the store's is left alone, what cannot be read is passed over and told to `warn`.
   size_t sweep(
-      const std::set<std::string>& referenced, Time now, const std::function<void(const std::string&)>& warn = [](const std::string&) {});
+      const DigestSet& referenced, Time now, const std::function<void(const std::string&)>& warn = [](const std::string&) {});
 
   /// A sentence while there is too little room, else empty.
   std::string shortage() const;

@@ -42,42 +42,8 @@ grpc::Status answer(Work work) {
 
 }  // namespace
 
-StallGuard::StallGuard(std::chrono::milliseconds limit) : limit_(limit) {
-  thread_ = std::thread([this] {
-    std::unique_lock lock(mutex_);
-    while (!stopping_) {
-      wake_.wait_for(lock, limit_ / 10);
-      const auto oldest = (std::chrono::steady_clock::now() - limit_).time_since_epoch().count();
-      for (Watch* watch : watches_) {
-        if (watch->last_ >= oldest) continue;
-        watch->stalled_ = true;
-        watch->context_.TryCancel();
-      }
-    }
-  });
-}
-
-StallGuard::~StallGuard() {
-  {
-    const std::lock_guard lock(mutex_);
-    stopping_ = true;
-  }
-  wake_.notify_all();
-  thread_.join();
-}
-
-StallGuard::Watch::Watch(StallGuard& guard, grpc::ServerContext& context) : guard_(guard), context_(context) {
-  moved();
-  const std::lock_guard lock(guard_.mutex_);
-  guard_.watches_.insert(this);
-}
-StallGuard::Watch::~Watch() {
-  const std::lock_guard lock(guard_.mutex_);
-  guard_.watches_.erase(this);
-}
-void StallGuard::Watch::moved() { last_ = std::chrono::steady_clock::now().time_since_epoch().count(); }
-
-BlobsService::BlobsService(Coordinator& coordinator) : coordinator_(coordinator), guard_(rpc::kChunkDeadline) {}
+BlobsService::BlobsService(Coordinator& coordinator, const StreamPlacesOptions& places)
+    : coordinator_(coordinator), uploads_("uploads", places), downloads_("downloads", places) {}
 
 grpc::Status BlobsService::FindMissing(grpc::ServerContext*, const v1::FindMissingRequest* request, v1::FindMissingResponse* response) {
   return answer([&] {
@@ -101,11 +67,23 @@ grpc::Status BlobsService::QueryUpload(grpc::ServerContext*, const v1::QueryUplo
   });
 }
 
+std::unique_ptr<BlobStore::Upload> BlobsService::begin_upload(const v1::UploadHeader& header) {
+  const auto begin = [&] {
+    return coordinator_.blobs().begin_upload(header.content_digest(), header.total_bytes(), header.offset_bytes(), coordinator_.now());
+  };
+  try {
+    return begin();
+  } catch (const BlobError& error) {
+    // Who sends the same file and does not move must not keep others from it.
+    if (error.kind() != BlobError::Kind::Busy || !uploads_.make_way(header.content_digest())) throw;
+  }
+  return begin();
+}
+
 grpc::Status BlobsService::Upload(grpc::ServerContext* context, grpc::ServerReader<v1::UploadRequest>* reader,
                                   v1::UploadResponse* response) {
   return answer([&] {
-    const Admission::Ticket ticket(uploads_, "uploads");
-    StallGuard::Watch watch(guard_, *context);
+    StreamPlaces::Place place(uploads_, [context] { context->TryCancel(); });
     v1::UploadRequest request;
     if (!reader->Read(&request) || !request.has_header()) rpc::fail_invalid("an upload begins with its header");
     const v1::UploadHeader header = request.header();
@@ -120,14 +98,19 @@ grpc::Status BlobsService::Upload(grpc::ServerContext* context, grpc::ServerRead
       response->set_complete(true);
       return;
     }
-    const auto upload = blobs.begin_upload(digest, header.total_bytes(), header.offset_bytes(), coordinator_.now());
+    place.works();
+    const auto upload = begin_upload(header);
+    place.holds(digest);
+    place.moved(0);
     while (reader->Read(&request)) {
-      watch.moved();
+      place.works();
       if (!request.has_chunk() || request.chunk().empty() || request.chunk().size() > rpc::kChunkBytes)
         rpc::fail_invalid("chunk: expected 1 byte to 1 MiB");
       upload->append(request.chunk(), coordinator_.now());
+      place.moved(static_cast<int64_t>(request.chunk().size()));
     }
-    if (watch.stalled()) throw rpc::RpcError(rpc::Code::kDeadlineExceeded, "no chunk came in time; ask QueryUpload where to go on");
+    if (const std::string why = place.ended(); !why.empty()) throw rpc::RpcError(rpc::Code::kDeadlineExceeded, why);
+    place.works();
     response->set_complete(upload->finish(coordinator_.now()));
     response->set_stored_bytes(upload->stored());
   });
@@ -136,8 +119,8 @@ grpc::Status BlobsService::Upload(grpc::ServerContext* context, grpc::ServerRead
 grpc::Status BlobsService::Download(grpc::ServerContext* context, const v1::DownloadRequest* request,
                                     grpc::ServerWriter<v1::DownloadResponse>* writer) {
   return answer([&] {
-    const Admission::Ticket ticket(downloads_, "downloads");
-    StallGuard::Watch watch(guard_, *context);
+    StreamPlaces::Place place(downloads_, [context] { context->TryCancel(); });
+    place.works();
     BlobStore& blobs = coordinator_.blobs();
     const std::string& digest = rpc::checked_digest(request->content_digest(), "content_digest");
     blobs.pin(digest, coordinator_.now());
@@ -169,8 +152,9 @@ grpc::Status BlobsService::Download(grpc::ServerContext* context, const v1::Down
       chunk.resize(static_cast<size_t>(n));
       offset += n;
       if (whole) hash.raw(chunk.data(), chunk.size());
+      place.moved(n);
       open = writer->Write(response);
-      watch.moved();
+      place.works();
       response.clear_total_bytes();
     } while (open && offset < *size);
     ::close(fd);

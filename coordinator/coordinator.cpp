@@ -35,23 +35,26 @@ Coordinator::Coordinator(const CoordinatorOptions& options)
   spdlog::info("cluster {}, leader term {}", store_->cluster_id(), store_->term());
   scheduler_ = std::make_unique<Scheduler>(scheduler);
   recover();
-  assembler_ = std::thread([this] { run_assembler(); });
+  for (int i = 0; i < options.merges_at_once; ++i) assemblers_.emplace_back([this] { run_assembler(); });
   ticker_ = std::thread([this] { run_ticker(); });
 }
 
 void Coordinator::recover() {
-  const std::vector<RecoveredJob> jobs = store_->read([](StoreSession& s) { return s.load_jobs(); });
-  const std::vector<LeaseRow> leases = store_->read([](StoreSession& s) { return s.load_leases(); });
+  const std::vector<std::string> running = store_->look([](StoreSession& s) { return s.running_jobs(); });
+  const std::vector<LeaseRow> leases = store_->look([](StoreSession& s) { return s.load_leases(); });
+  std::map<std::string, std::vector<LeaseRow>> by_job;
+  for (const LeaseRow& lease : leases) by_job[lease.task.job].push_back(lease);
   const Time now = options_.now();
-  locked([&] {
-    std::map<std::string, std::vector<LeaseRow>> by_job;
-    for (const LeaseRow& lease : leases) by_job[lease.task.job].push_back(lease);
-    for (const RecoveredJob& job : jobs) {
-      last_event_[job.spec.id] = job.row.last_event;
-      scheduler_->recover_job(job, by_job[job.spec.id], now);
-    }
-  });
-  if (!jobs.empty()) spdlog::info("recovered {} jobs and {} leases, leader term {}", jobs.size(), leases.size(), store_->term());
+  for (const std::string& id : running) {
+    std::optional<Job> job = store_->look([&](StoreSession& session) { return session.load_job(id); });
+    if (!job) continue;
+    store_->load_tasks(*job);
+    locked([&] { scheduler_->recover_job(std::move(*job), by_job[id], now); });
+    by_job.erase(id);
+  }
+  for (const auto& [id, lost] : by_job)
+    for (const LeaseRow& lease : lost) store_->write([lease = lease.lease_id](StoreSession& session) { session.drop_lease(lease); });
+  if (!running.empty()) spdlog::info("recovered {} jobs and {} leases, leader term {}", running.size(), leases.size(), store_->term());
 }
 
 Coordinator::~Coordinator() {
@@ -62,7 +65,7 @@ Coordinator::~Coordinator() {
   }
   wake_assembler_.notify_all();
   wake_ticker_.notify_all();
-  assembler_.join();
+  for (std::thread& assembler : assemblers_) assembler.join();
   ticker_.join();
   store_->stop();
 }
@@ -109,42 +112,20 @@ void Coordinator::carry_out(const Action& any) {
   std::visit(
       Overloaded{
           [&](const action::PinFrame& pin) {
-            const auto keys = scheduler_->keys_of_open_tasks(pin);
-            FrameRow row = must_find(pin.job).frames[static_cast<size_t>(pin.frame)].row;
-            row.pinned = true;
-            row.build = pin.build;
-            row.arithmetic_class = pin.arithmetic_class;
-            auto reused = std::make_shared<std::vector<SettledTask>>();
-            store_->write(
-                [this, pin, keys, row, reused](StoreSession& session) {
-                  session.save_frame(pin.job, pin.frame, row);
-                  for (const auto& [number, key] : keys) {
-                    const std::optional<ResultRecord> found = session.find_result(key);
-                    if (!found || !blobs_.contains(found->digest)) continue;
-                    SettledTask task;
-                    task.frame = pin.frame;
-                    task.number = number;
-                    task.result = *found;
-                    task.reused = true;  // paid for by the job that rendered it
-                    if (session.settle_task({pin.job, pin.frame, number}, task)) reused->push_back(task);
-                  }
-                },
-                [this, pin, reused] {
-                  locked([&] {
-                    scheduler_->frame_pinned(pin, *reused);
-                    ++changes_;
-                  });
-                });
+            store_->write([pin](StoreSession& session) { session.save_frame(pin.job, pin.frame, pin.row); },
+                          [this, pin] {
+                            locked([&] {
+                              scheduler_->frame_pinned(pin);
+                              ++changes_;
+                            });
+                          });
           },
+          [&](const action::FindResults& find) { find_results(find); },
           [&](const action::CommitTask& commit) {
-            const int64_t parent = must_find(commit.task.job)
-                                       .frames[static_cast<size_t>(commit.task.frame)]
-                                       .tasks[static_cast<size_t>(commit.task.number)]
-                                       .parent;
             auto won = std::make_shared<bool>(false);
             store_->write(
-                [this, commit, parent, won](StoreSession& session) {
-                  *won = session.commit_task(commit.task, parent, commit.result);
+                [this, commit, won](StoreSession& session) {
+                  *won = session.commit_task(commit.task, commit.parent, commit.result);
                   options_.failpoint("in-commit");
                 },
                 [this, commit, won] {
@@ -153,6 +134,7 @@ void Coordinator::carry_out(const Action& any) {
                   options_.failpoint("after-commit");
                   locked([&] {
                     scheduler_->committed(commit, options_.now());
+                    tell_committed(commit);
                     ++changes_;
                   });
                 });
@@ -187,48 +169,86 @@ void Coordinator::carry_out(const Action& any) {
           },
           [&](const action::SaveJob& save) {
             changed();
-            const Job& job = must_find(save.job);
-            if (has_ended(job.row.state) && job.row.ended_unix_ms == 0) scheduler_->set_ended_time(save.job, options_.unix_ms());
-            spdlog::info("job {} {}{}{}", save.job, to_string(job.row.state), job.row.reason.empty() ? "" : ": ", job.row.reason);
-            store_->write([spec = job.spec, row = job.row](StoreSession& session) { session.save_job(spec, row); });
+            JobRow row = save.row;
+            if (has_ended(row.state) && row.ended_unix_ms == 0)
+              scheduler_->set_ended_time(save.job, row.ended_unix_ms = options_.unix_ms());
+            spdlog::info("job {} {}{}{}", save.job, to_string(row.state), row.reason.empty() ? "" : ": ", row.reason);
+            store_->write([id = save.job, aim = save.aim, row](StoreSession& session) { session.save_job(id, aim, row); });
           },
           [&](const action::SaveFrame& save) {
-            const FrameRow& row = must_find(save.job).frames[static_cast<size_t>(save.frame)].row;
             std::function<void()> done;
-            if (has_ended(row.state)) done = [this] { options_.failpoint("after-frame-row"); };
-            store_->write([save, row](StoreSession& session) { session.save_frame(save.job, save.frame, row); }, std::move(done));
+            if (has_ended(save.row.state)) done = [this] { options_.failpoint("after-frame-row"); };
+            store_->write([save](StoreSession& session) { session.save_frame(save.job, save.frame, save.row); }, std::move(done));
           },
           [&](const action::ResetFrame& reset) {
             changed();
-            const FrameRow& row = must_find(reset.job).frames[static_cast<size_t>(reset.frame)].row;
-            store_->write([reset, row](StoreSession& session) {
+            store_->write([reset](StoreSession& session) {
               session.reset_frame(reset.job, reset.frame);
-              session.save_frame(reset.job, reset.frame, row);
+              session.save_frame(reset.job, reset.frame, reset.row);
             });
           },
           [&](const action::LogEvent& log) {
             JobEvent event = log.event;
-            event.number = ++last_event_[log.job];
             event.unix_ms = options_.unix_ms();
             store_->write([job = log.job, event](StoreSession& session) { session.append_event(job, event); });
           },
+          [&](const action::ReleaseJob& ended) { store_->write([](StoreSession&) {}, [this, id = ended.job] { release(id); }); },
       },
       any);
 }
 
+void Coordinator::find_results(const action::FindResults& find) {
+  auto reused = std::make_shared<std::vector<SettledTask>>();
+  store_->write(
+      [this, find, reused](StoreSession& session) {
+        for (const auto& [number, area] : find.tasks) {
+          const std::optional<ResultRecord> found = session.find_result(result_key(find.header, area.rect, area.range));
+          if (!found || !blobs_.contains(found->digest)) continue;
+          SettledTask task;
+          task.frame = find.frame;
+          task.number = number;
+          task.result = *found;
+          task.reused = true;  // paid for by the job that rendered it
+          if (session.settle_task({find.job, find.frame, number}, task)) reused->push_back(task);
+        }
+      },
+      [this, find, reused] {
+        locked([&] {
+          scheduler_->results_found(find, *reused);
+          ++changes_;
+        });
+      });
+}
+
+/// All that was decided about the job before is durable: from now on the database alone has it.
+void Coordinator::release(const std::string& id) {
+  // It goes when the lock is given back: a job of many frames takes a while.
+  const std::optional<Job> job = locked([&] {
+    std::optional<Job> released = scheduler_->release(id);
+    if (released) {
+      std::vector<FrameCounts> frames;
+      for (const Frame& frame : released->frames) frames.push_back(counts_of(*released, frame));
+      store_->write([id, summary = summary_of(*released), frames](StoreSession& session) { session.save_counts(id, summary, frames); });
+    }
+    return released;
+  });
+}
+
 size_t Coordinator::sweep() {
-  std::set<std::string> referenced = store_->read([](StoreSession& session) { return session.referenced_blobs(); });
-  const std::set<std::string> manifests = store_->read([](StoreSession& session) { return session.manifests(); });
-  for (const std::string& digest : manifests) {
+  DigestSet referenced;
+  store_->each_digest([&](const std::string& digest) { referenced.add(digest); });
+  for (const std::string& digest : store_->look([](StoreSession& session) { return session.manifests(); })) {
     try {
+      referenced.add(digest);
       const v1::SceneManifest manifest = rpc::parse_manifest(blobs_.read(digest, rpc::kMaxManifestBytes));
-      for (const v1::SceneFile& file : manifest.files()) referenced.insert(file.content_digest());
+      for (const v1::SceneFile& file : manifest.files()) referenced.add(file.content_digest());
     } catch (const std::exception& error) {
       // What it lists is unknown: nothing may be removed.
       spdlog::error("clean-up skipped, manifest {} cannot be read: {}", digest, error.what());
       return 0;
     }
   }
+  referenced.sort();
   return blobs_.sweep(referenced, options_.now(), [](const std::string& warning) { spdlog::warn("clean-up: {}", warning); });
 }
 
@@ -304,6 +324,8 @@ void Coordinator::run_ticker() {
       });
     };
     const auto clean_up = [&] {
+      // Shown is what is counted: jobs that nobody has asked for since.
+      for (const std::string& id : store_->look([](StoreSession& session) { return session.jobs_without_counts(100); })) stored(id);
       if (const size_t removed = sweep(); removed > 0) spdlog::info("clean-up removed {} files", removed);
     };
     const auto answer_overdue = [&] { locked([] {}); };

@@ -10,8 +10,10 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "coordinator/assembler.h"
@@ -21,6 +23,7 @@
 #include "coordinator/store.h"
 #include "rpc/error.h"
 #include "woodcock/v1/jobs_service.pb.h"
+#include "woodcock/v1/scenes_service.pb.h"
 #include "woodcock/v1/workers_service.pb.h"
 
 namespace woodcock::coordinator {
@@ -35,6 +38,8 @@ struct CoordinatorOptions {
   Time busy_sync_hold = 2 * kSecond;  ///< and that of one that renders: how old its progress may be
   size_t max_backlog = 50'000;        ///< operations that wait for the database
   AssembleFunction assemble_tiles = assemble;
+  int merges_at_once = 1;                                   ///< of settled frames
+  std::string scene_reader;                                 ///< the program `woodcock`; empty: there is none, and no scenes are read
   std::function<Time()> now;                                ///< boot-time clock
   std::function<int64_t()> unix_ms;                         ///< wall clock, for people only
   std::function<void(const std::string& reason)> on_fatal;  ///< must not return
@@ -67,6 +72,10 @@ class Coordinator {
   v1::Job extend(const std::string& id, int64_t samples, std::optional<double> target_error, double max_seconds = 0);
   v1::RepinJobResponse repin(const std::string& id);
   v1::GetFrameResponse frame(const std::string& id, uint64_t frame, bool partial);
+  /// The picture of a finished frame as a blob, with its size. Throws as frame() does.
+  std::pair<std::string, int64_t> picture(const std::string& id, uint64_t frame);
+  /// Reads a scene and submits it (scene_reader.h).
+  v1::SubmitSceneResponse submit_scene(const v1::SubmitSceneRequest& request);
   std::vector<v1::TaskAttempt> task_log(const std::string& job_id, const std::string& task_id);
   /// Events after the cursor, at most 1000, and the job now. `finished`: it has ended and there are no more events.
   v1::WatchJobResponse watch(const std::string& id, int64_t after_event, bool& finished);
@@ -90,6 +99,8 @@ class Coordinator {
     uint64_t token = 0;
     uint64_t sequence = 0;
     std::vector<Offer> offers;
+    std::vector<bool> present;                                  ///< parallel to offers: whether the blob is here
+    std::vector<bool> asked;                                    ///< parallel to offers: the database is asked
     std::vector<std::pair<OfferStatus, std::string>> verdicts;  ///< parallel to offers
     Time deadline = 0;
     uint64_t tried = 0;  ///< value of changes_ when grants were last tried
@@ -103,6 +114,18 @@ class Coordinator {
     Time not_before = 0;
     uint64_t revision = 0;  ///< of the frame when its merge began
   };
+  /// What a tile of a frame cost.
+  struct TileCost {
+    TaskArea area;
+    int64_t cpu_ns = 0;
+    bool reused = false;
+  };
+  /// A frame at one moment.
+  struct FrameSeen {
+    v1::FrameStatus status;
+    Frame frame;
+    int index = 0;
+  };
   using Completions = std::vector<std::function<void()>>;
 
   void recover();
@@ -110,15 +133,35 @@ class Coordinator {
   void carry_out(const Action& action);
   bool try_answer(const std::string& worker_id, HeldSync& held, Completions& completions);
   void decide_offers(const std::string& worker_id, HeldSync& held);
+  void ask_store(const std::string& worker_id, HeldSync& held, size_t offer);
+  void tell_committed(const action::CommitTask& commit);
+  void raise_alarm(const TaskRef& task, const std::string& worker_id, const std::string& message);
+  void find_results(const action::FindResults& find);
+  void release(const std::string& job);
   /// Refuses by name a worker that believes to talk to another coordinator than this one: nothing of its report concerns us.
   bool meets_a_stranger(const v1::SyncRequest& request, const SyncDone& done);
   template <typename Work>
   auto locked(Work work);
+  /// mutex_ held. Throws RpcError kNotFound where it is not in memory: see wake() for jobs that have ended.
   const Job& must_find(const std::string& id) const;
-  v1::Job view(const std::string& id, bool with_frames) const;
-  AssembleRequest assemble_request(const Job& job, const Frame& frame, std::vector<TaskRef>& tasks) const;
+  /// A job of the database as it shows itself, without tasks. The last one is kept: who fetches a sequence asks for its frames one by
+  /// one. Throws RpcError kNotFound.
+  std::shared_ptr<const Job> stored(const std::string& id);
+  void forget_stored();
+  Job stored_with_tasks(const std::string& id);
+  void must_exist(const std::string& id);
+  /// Runs `work` with the mutex held and the job in memory, read from the database where it has ended. Throws RpcError kNotFound.
+  template <typename Work>
+  void wake(const std::string& id, Work work);
+  /// Runs `work` with the mutex held and the job in memory. Throws RpcError kFailedPrecondition where it has ended, kNotFound.
+  template <typename Work>
+  void while_running(const std::string& id, Work work);
   std::vector<TaskRef> damaged_tiles(const std::vector<TaskRef>& tasks, const std::vector<std::string>& paths) const;
+  FrameSeen see_frame(const std::string& id, uint64_t number);
+  std::string temporary_file(const std::string& name);
   void reopen(const std::vector<TaskRef>& tasks, const std::string& reason, bool refused_by_merge);
+  AssembleRequest assemble_request(const TaskRef& first, const Frame& frame, int64_t base, std::vector<TaskRef>& tasks,
+                                   std::vector<TileCost>& costs);
   void assemble_one(AssembleJob& job);
   /// mutex_ held. Whether the frame was extended, reopened or ended since its merge began.
   bool is_stale(const AssembleJob& job) const;
@@ -135,14 +178,19 @@ class Coordinator {
   BlobStore blobs_;
   std::unique_ptr<Store> store_;
 
+  std::mutex last_stored_mutex_;  // taken last
+  // Guarded by last_stored_mutex_:
+  std::shared_ptr<const Job> last_stored_;
+  uint64_t woken_ = 0;     ///< jobs that came back from the database
+  std::mutex wake_mutex_;  // taken before mutex_: one job at a time comes back to memory
   mutable std::mutex mutex_;
   std::condition_variable wake_assembler_;
   std::condition_variable wake_ticker_;
   // Guarded by mutex_:
   std::unique_ptr<Scheduler> scheduler_;
   std::map<std::string, HeldSync> held_;
-  std::map<std::string, int64_t> last_event_;
   std::deque<AssembleJob> to_assemble_;
+  std::set<std::pair<std::string, int>> being_assembled_;  // job and frame
   std::string address_;
   uint64_t next_token_ = 0;
   uint64_t changes_ = 1;
@@ -150,7 +198,7 @@ class Coordinator {
   bool stopping_ = false;
   std::string leader_id_;  // of this start; constant
 
-  std::thread assembler_;
+  std::vector<std::thread> assemblers_;
   std::thread ticker_;
 };
 

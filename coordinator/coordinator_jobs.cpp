@@ -1,10 +1,12 @@
 // What the client asks for.
 #include <algorithm>
 #include <charconv>
+#include <limits>
 
 #include "coordinator/coordinator.h"
 #include "coordinator/coordinator_locked.h"
 #include "coordinator/job_view.h"
+#include "coordinator/scene_reader.h"
 #include "coordinator/submit.h"
 #include "coordinator/task_grid.h"
 #include "rpc/error.h"
@@ -18,45 +20,98 @@ const Job& Coordinator::must_find(const std::string& id) const {
   return *job;
 }
 
-v1::Job Coordinator::view(const std::string& id, bool with_frames) const {
-  const auto last = last_event_.find(id);
-  return job_view(*scheduler_, must_find(id), last == last_event_.end() ? 0 : last->second, with_frames, options_.now());
+std::shared_ptr<const Job> Coordinator::stored(const std::string& id) {
+  uint64_t seen = 0;
+  {
+    const std::lock_guard lock(last_stored_mutex_);
+    if (last_stored_ && last_stored_->spec.id == id) return last_stored_;
+    seen = woken_;
+  }
+  std::optional<JobSummary> summary;
+  std::optional<Job> found = store_->look([&](StoreSession& session) {
+    if (const std::optional<StoredJob> row = session.find_job(id)) summary = row->summary;
+    return session.load_job(id);
+  });
+  if (!found) rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
+  const auto job = std::make_shared<Job>(std::move(*found));
+  if (!summary) {
+    store_->load_tasks(*job);
+    std::vector<FrameCounts> frames;
+    for (Frame& frame : job->frames) frames.push_back(static_cast<FrameCounts&>(frame) = counts_of(*job, frame));
+    if (!has_ended(job->row.state)) return job;
+    store_->write([id, counted = summary_of(*job), frames](StoreSession& session) { session.save_counts(id, counted, frames); });
+    for (Frame& frame : job->frames) frame.tasks = {};
+  }
+  const std::lock_guard lock(last_stored_mutex_);
+  if (woken_ == seen) last_stored_ = job;
+  return job;
+}
+
+void Coordinator::forget_stored() {
+  const std::lock_guard lock(last_stored_mutex_);
+  last_stored_.reset();
+  ++woken_;
+}
+
+Job Coordinator::stored_with_tasks(const std::string& id) {
+  std::optional<Job> job = store_->look([&](StoreSession& session) { return session.load_job(id); });
+  if (!job) rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
+  store_->load_tasks(*job);
+  return std::move(*job);
+}
+
+void Coordinator::must_exist(const std::string& id) {
+  if (!store_->look([&](StoreSession& session) { return session.find_job(id); }))
+    rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
 }
 
 v1::SubmitJobResponse Coordinator::submit(const v1::SubmitJobRequest& request) {
   if (store_->backlog() > options_.max_backlog) rpc::fail_exhausted("the coordinator's database is behind; submit again later");
   if (const std::string shortage = blobs_.shortage(); !shortage.empty()) rpc::fail_exhausted(shortage);
   const JobSpec spec = check_submit(request, blobs_, options_.now(), options_.unix_ms());
-  const bool repeated = locked([&] {
-    if (const Job* job = scheduler_->find(spec.id)) {
-      if (job->spec.request_digest != spec.request_digest)
-        throw rpc::RpcError(rpc::Code::kAlreadyExists, "request id " + spec.request_id + " was used for another submit; make a new one");
-      return true;
-    }
-    scheduler_->add_job(spec);
-    ++changes_;
-    store_->write([this, spec](StoreSession& session) {
-      if (!session.insert_job(spec)) options_.on_fatal("job " + spec.id + " is in the database and not in memory");
-    });
-    carry_out(action::LogEvent{spec.id, {0, 0, EventKind::Submitted, {}, "", "", spec.name}});
-    return false;
+  // The database decides who was first, and has the job before anybody renders it.
+  const NewJob rows(spec);
+  std::optional<StoredJob> earlier;
+  const bool repeated = store_->read([&](StoreSession& session) {
+    if (session.insert_job(rows)) return false;
+    earlier = session.find_job(spec.id);
+    return true;
   });
-  store_->flush();
+  if (repeated && (!earlier || earlier->spec.request_digest != spec.request_digest))
+    throw rpc::RpcError(rpc::Code::kAlreadyExists, "request id " + spec.request_id + " was used for another submit; make a new one");
+  if (!repeated) {
+    Job job = make_job(spec);
+    locked([&] {
+      if (!scheduler_->find(spec.id)) scheduler_->add_job(std::move(job));
+      ++changes_;
+    });
+    store_->flush();
+  }
   v1::SubmitJobResponse response;
   response.set_job_id(spec.id);
   response.set_repeated_request(repeated);
   return response;
 }
 
+v1::SubmitSceneResponse Coordinator::submit_scene(const v1::SubmitSceneRequest& request) {
+  if (const std::string shortage = blobs_.shortage(); !shortage.empty()) rpc::fail_exhausted(shortage);
+  v1::SubmitSceneResponse response = read_handed_in_scene(request, options_.scene_reader, blobs_, options_.now());
+  const v1::SubmitJobResponse submitted = submit(response.resolved());
+  response.set_job_id(submitted.job_id());
+  response.set_repeated_request(submitted.repeated_request());
+  return response;
+}
+
 v1::Job Coordinator::job(const std::string& id) {
-  v1::Job seen;
+  std::optional<v1::Job> seen;
   {
     const std::lock_guard lock(mutex_);
-    seen = view(id, true);
+    if (const Job* job = scheduler_->find(id)) seen = job_view(*scheduler_, *job, true, options_.now());
   }
+  if (!seen) return job_view(*stored(id));
   // What was seen was queued before: nothing is told that a crash could take back.
   store_->flush();
-  return seen;
+  return std::move(*seen);
 }
 
 namespace {
@@ -70,20 +125,38 @@ size_t page_limit(int page_size) {
 
 v1::ListJobsResponse Coordinator::list(int page_size, const std::string& page_token) {
   const size_t limit = page_limit(page_size);
-  std::unique_lock lock(mutex_);
-  std::vector<std::pair<int64_t, std::string>> order;
-  for (const auto& [id, job] : scheduler_->jobs()) order.emplace_back(-job.spec.submitted_unix_ms, id);
-  std::sort(order.begin(), order.end());
-  size_t begin = 0;
-  if (!page_token.empty()) {
-    const auto last = std::find_if(order.begin(), order.end(), [&](const auto& item) { return item.second == page_token; });
-    if (last == order.end()) rpc::fail_invalid("page_token: not one of an earlier answer");
-    begin = static_cast<size_t>(last - order.begin()) + 1;
-  }
+  int64_t submitted_ms = std::numeric_limits<int64_t>::max();
+  std::vector<StoredJob> page = store_->look([&](StoreSession& session) {
+    if (!page_token.empty()) {
+      const std::optional<StoredJob> last = session.find_job(page_token);
+      if (!last) return std::vector<StoredJob>();
+      submitted_ms = last->spec.submitted_unix_ms;
+    }
+    return session.list_jobs(submitted_ms, page_token, static_cast<int>(limit) + 1);
+  });
+  if (!page_token.empty() && submitted_ms == std::numeric_limits<int64_t>::max())
+    rpc::fail_invalid("page_token: not one of an earlier answer");
   v1::ListJobsResponse response;
-  for (size_t i = begin; i < std::min(begin + limit, order.size()); ++i) *response.add_jobs() = view(order[i].second, false);
-  if (begin + limit < order.size()) response.set_next_page_token(order[begin + limit - 1].second);
-  lock.unlock();
+  if (page.size() > limit) {
+    page.resize(limit);
+    response.set_next_page_token(page.back().spec.id);
+  }
+  // Those that run are shown as they are now. One that went meanwhile is in the database as it ended.
+  std::vector<std::pair<v1::Job*, std::string>> gone;
+  for (const StoredJob& row : page) {
+    v1::Job& view = *response.add_jobs();
+    const std::lock_guard lock(mutex_);
+    if (const Job* job = scheduler_->find(row.spec.id))
+      view = job_view(*scheduler_, *job, false, options_.now());
+    else if (row.summary)
+      view = job_view(row.spec, row.row, *row.summary);
+    else
+      gone.emplace_back(&view, row.spec.id);
+  }
+  for (const auto& [view, id] : gone) {
+    *view = job_view(*stored(id));
+    view->clear_frames();
+  }
   store_->flush();
   return response;
 }
@@ -96,25 +169,16 @@ v1::ListResultsResponse Coordinator::results(const std::string& id, int page_siz
     if (!parsed || parsed->job != id) rpc::fail_invalid("page_token: not one of an earlier answer");
     next = *parsed;
   }
+  must_exist(id);
   v1::ListResultsResponse response;
-  {
-    const std::lock_guard lock(mutex_);
-    const Job& job = must_find(id);
-    for (; static_cast<size_t>(next.frame) < job.frames.size(); ++next.frame, next.number = 0) {
-      const std::vector<Task>& tasks = job.frames[static_cast<size_t>(next.frame)].tasks;
-      for (; static_cast<size_t>(next.number) < tasks.size(); ++next.number) {
-        const Task& task = tasks[static_cast<size_t>(next.number)];
-        if (task.state != TaskState::Done) continue;
-        if (static_cast<size_t>(response.results_size()) == limit) {
-          response.set_next_page_token(to_string(next));
-          break;
-        }
-        *response.add_results() = result_view(next, task);
-      }
-      if (!response.next_page_token().empty()) break;
-    }
+  for (const SettledTask& row : store_->look(
+           [&](StoreSession& session) { return session.settled_from(next, TaskState::Done, false, static_cast<int>(limit) + 1); })) {
+    const TaskRef ref{id, row.frame, row.number};
+    if (static_cast<size_t>(response.results_size()) == limit)
+      response.set_next_page_token(to_string(ref));
+    else
+      *response.add_results() = result_view(ref, row);
   }
-  store_->flush();
   return response;
 }
 
@@ -129,36 +193,44 @@ v1::ListWorkersResponse Coordinator::list_workers(int page_size, const std::stri
 }
 
 v1::Job Coordinator::cancel(const std::string& id) {
-  locked([&] {
-    must_find(id);
-    scheduler_->cancel(id);
-  });
+  locked([&] { scheduler_->cancel(id); });
   return job(id);
 }
 
 v1::Job Coordinator::set_paused(const std::string& id, bool paused) {
-  locked([&] {
-    const Job& job = must_find(id);
+  while_running(id, [&](const Job& job) {
     if (!scheduler_->set_paused(id, paused)) rpc::fail_precondition("job " + id + " has ended: " + to_string(job.row.state));
   });
   return job(id);
 }
 
+namespace {
+
+void check_total(const Job& job, int64_t samples) {
+  double pixels = 0;
+  for (const Frame& frame : job.frames) pixels += static_cast<double>(frame.spec.header.bounds.area());
+  check_sample_total(pixels, samples, "samples");
+}
+
+}  // namespace
+
 v1::Job Coordinator::extend(const std::string& id, int64_t samples, std::optional<double> target_error, double max_seconds) {
   const std::optional<double> seconds = checked_seconds(max_seconds);
-  locked([&] {
-    const Job& job = must_find(id);
+  wake(id, [&](const Job& job) {
     if (target_error || seconds || job.spec.target) {
-      if (!scheduler_->set_target(id, extended_target(job.spec, samples, target_error, seconds.has_value()), seconds))
+      const SamplingTarget target = extended_target(job.spec, samples, target_error, seconds.has_value());
+      check_total(job, target.max_samples);
+      if (!scheduler_->set_target(id, target, seconds))
         rpc::fail_precondition("job " + id + " is " + to_string(job.row.state) + " and cannot be extended");
       return;
     }
     if (samples < job.spec.samples() || samples > rpc::kMaxSamplesPerPixel)
       rpc::fail_invalid("samples: the job has " + std::to_string(job.spec.samples()) + " per pixel, more can be added but none taken away");
+    check_total(job, samples);
     int64_t tasks = 0;
     for (const Frame& frame : job.frames)
-      tasks += static_cast<int64_t>(frame.tasks.size()) +
-               task_count(frame.spec.header.bounds, job.spec.tile_size, {job.spec.samples(), samples}, job.spec.range_length);
+      tasks = capped_sum(tasks + frame.tasks.size(),
+                         task_count(frame.spec.header.bounds, job.spec.tile_size, {job.spec.samples(), samples}, job.spec.range_length));
     if (tasks > rpc::kMaxTasksPerJob)
       rpc::fail_exhausted("the job would have more than 1000000 tasks; submit it anew with the full number of samples");
     if (!scheduler_->extend(id, samples))
@@ -169,8 +241,7 @@ v1::Job Coordinator::extend(const std::string& id, int64_t samples, std::optiona
 
 v1::RepinJobResponse Coordinator::repin(const std::string& id) {
   v1::RepinJobResponse response;
-  locked([&] {
-    const Job& job = must_find(id);
+  while_running(id, [&](const Job& job) {
     if (has_ended(job.row.state)) rpc::fail_precondition("job " + id + " has ended: " + to_string(job.row.state));
     if (scheduler_->connected_workers(options_.now()) == 0)
       rpc::fail_precondition("no worker is connected: start those that are to render it");
@@ -185,28 +256,45 @@ v1::RepinJobResponse Coordinator::repin(const std::string& id) {
 
 std::vector<v1::TaskAttempt> Coordinator::task_log(const std::string& job_id, const std::string& task_id) {
   const std::optional<TaskRef> task = parse_task_id(task_id);
+  const auto has_task = [&](const Job& job) {
+    return task && task->job == job_id && static_cast<size_t>(task->frame) < job.frames.size() &&
+           task->number < job.frames[static_cast<size_t>(task->frame)].tasks.size();
+  };
+  std::optional<bool> found;
   {
     const std::lock_guard lock(mutex_);
-    const Job& job = must_find(job_id);
-    if (!task || task->job != job_id || static_cast<size_t>(task->frame) >= job.frames.size() ||
-        static_cast<size_t>(task->number) >= job.frames[static_cast<size_t>(task->frame)].tasks.size())
-      rpc::fail_not_found("job " + job_id + " has no task " + task_id.substr(0, 64));
+    if (const Job* job = scheduler_->find(job_id)) found = has_task(*job);
   }
+  if (!found) found = has_task(stored_with_tasks(job_id));
+  if (!*found) rpc::fail_not_found("job " + job_id + " has no task " + task_id.substr(0, 64));
   std::vector<v1::TaskAttempt> attempts;
-  for (const AttemptRecord& attempt : store_->read([task](StoreSession& session) { return session.attempts(*task); }))
+  for (const AttemptRecord& attempt : store_->look([task](StoreSession& session) { return session.attempts(*task); }))
     attempts.push_back(to_wire(attempt));
   return attempts;
 }
 
 v1::WatchJobResponse Coordinator::watch(const std::string& id, int64_t after_event, bool& finished) {
   v1::WatchJobResponse response;
+  bool here = false;
   {
     const std::lock_guard lock(mutex_);
-    *response.mutable_job() = view(id, false);
+    if (const Job* job = scheduler_->find(id)) {
+      *response.mutable_job() = job_view(*scheduler_, *job, false, options_.now());
+      here = true;
+    }
+  }
+  if (!here) {
+    const std::optional<StoredJob> row = store_->look([&](StoreSession& session) { return session.find_job(id); });
+    if (row && row->summary) {
+      *response.mutable_job() = job_view(row->spec, row->row, *row->summary);
+    } else {
+      *response.mutable_job() = job_view(*stored(id));
+      response.mutable_job()->clear_frames();
+    }
   }
   store_->flush();
   if (response.job().last_event() > after_event) {
-    for (const JobEvent& event : store_->read([id, after_event](StoreSession& session) { return session.events(id, after_event, 1000); }))
+    for (const JobEvent& event : store_->look([id, after_event](StoreSession& session) { return session.events(id, after_event, 1000); }))
       *response.add_events() = to_wire(event);
   }
   const int64_t seen = response.events().empty() ? after_event : response.events().rbegin()->number();

@@ -31,4 +31,42 @@ auto Coordinator::locked(Work work) {
   }
 }
 
+template <typename Work>
+void Coordinator::wake(const std::string& id, Work work) {
+  const std::lock_guard one_at_a_time(wake_mutex_);
+  for (bool done = false; !done;) {
+    bool here = false;
+    {
+      const std::lock_guard lock(mutex_);
+      here = scheduler_->find(id) != nullptr;
+    }
+    // What was written before it went is read: the database works in order.
+    std::optional<Job> job;
+    if (!here) job = stored_with_tasks(id);
+    done = locked([&] {
+      if (!scheduler_->find(id)) {
+        if (!job) return false;  // it went meanwhile
+        forget_stored();
+        scheduler_->recover_job(std::move(*job), {}, options_.now());
+      }
+      scheduler_->release_if_ended(id);  // unless `work` makes it run
+      work(must_find(id));
+      return true;
+    });
+  }
+}
+
+template <typename Work>
+void Coordinator::while_running(const std::string& id, Work work) {
+  const bool here = locked([&] {
+    const Job* job = scheduler_->find(id);
+    if (job) work(*job);
+    return job != nullptr;
+  });
+  if (here) return;
+  const std::optional<StoredJob> row = store_->look([&](StoreSession& session) { return session.find_job(id); });
+  if (!row) rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
+  rpc::fail_precondition("job " + id + " has ended: " + to_string(row->row.state));
+}
+
 }  // namespace woodcock::coordinator

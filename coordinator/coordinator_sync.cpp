@@ -59,6 +59,8 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
     return 0;
   }
   held.verdicts.assign(held.offers.size(), {OfferStatus::Pending, ""});
+  held.asked.assign(held.offers.size(), false);
+  for (const Offer& offer : held.offers) held.present.push_back(blobs_.contains(offer.result.digest));
   held.sequence = request.sequence();
   held.done = std::move(done);
   const Time now = options_.now();
@@ -122,15 +124,59 @@ void Coordinator::stop_syncs() {
 void Coordinator::decide_offers(const std::string& worker_id, HeldSync& held) {
   for (size_t i = 0; i < held.offers.size(); ++i) {
     auto& [status, reason] = held.verdicts[i];
-    if (status != OfferStatus::Pending) continue;
-    const bool asked_before = held.tried > 0;
-    const OfferDecision decision =
-        scheduler_->offer(held.offers[i], worker_id, blobs_.contains(held.offers[i].result.digest), options_.now());
+    if (status != OfferStatus::Pending || held.asked[i]) continue;
+    const OfferDecision decision = scheduler_->offer(held.offers[i], worker_id, held.present[i], options_.now());
+    if (decision.status == OfferStatus::Settled) {
+      ask_store(worker_id, held, i);
+      continue;
+    }
     status = decision.status;
     reason = decision.reason;
-    // It waited for its own commit.
-    if (asked_before && status == OfferStatus::AlreadyCommitted) status = OfferStatus::Committed;
   }
+}
+
+/// The call that offered the result, where it is still held, is told its verdict.
+void Coordinator::tell_committed(const action::CommitTask& commit) {
+  const auto call = held_.find(commit.worker_id);
+  if (call == held_.end()) return;
+  const std::string task = to_string(commit.task);
+  for (size_t i = 0; i < call->second.offers.size(); ++i) {
+    const Offer& offer = call->second.offers[i];
+    auto& verdict = call->second.verdicts[i];
+    if (verdict.first == OfferStatus::Pending && offer.task_id == task && offer.result.digest == commit.result.digest)
+      verdict = {OfferStatus::Committed, ""};
+  }
+}
+
+/// What was settled is in the database only: its answer is the verdict of a call that is still held then.
+void Coordinator::ask_store(const std::string& worker_id, HeldSync& held, size_t index) {
+  held.asked[index] = true;
+  // An offer that waited for a commit waited for its own.
+  const bool waited = held.tried > 0;
+  const Offer offer = held.offers[index];
+  const TaskRef task = parse_task_id(offer.task_id).value_or(TaskRef{});
+  auto row = std::make_shared<std::optional<SettledTask>>();
+  store_->write([task, row](StoreSession& session) { *row = session.settled(task); },
+                [this, worker_id, token = held.token, index, offer, task, waited, row] {
+                  locked([&] {
+                    OfferDecision decision = verdict_of_settled(*row, offer);
+                    if (waited && decision.status == OfferStatus::AlreadyCommitted) decision.status = OfferStatus::Committed;
+                    if (decision.alarm) raise_alarm(task, worker_id, decision.reason);
+                    const auto call = held_.find(worker_id);
+                    if (call == held_.end() || call->second.token != token) return;
+                    call->second.verdicts[index] = {decision.status, decision.reason};
+                    ++changes_;
+                  });
+                });
+}
+
+/// mutex_ held. Of a job that has ended the database numbers the event.
+void Coordinator::raise_alarm(const TaskRef& task, const std::string& worker_id, const std::string& message) {
+  spdlog::error("task {}: {}", to_string(task), message);
+  if (scheduler_->find(task.job)) return scheduler_->alarm(task, worker_id, message);
+  const JobEvent event{0, options_.unix_ms(), EventKind::DeterminismAlarm, {}, to_string(task), worker_id, message};
+  store_->write([job = task.job, event](StoreSession& session) { session.append_event(job, event); });
+  forget_stored();
 }
 
 bool Coordinator::try_answer(const std::string& worker_id, HeldSync& held, Completions& completions) {

@@ -7,8 +7,6 @@
 namespace woodcock::coordinator {
 namespace {
 
-constexpr int kListedFailures = 1000;
-
 v1::JobState to_wire(JobState state) { return static_cast<v1::JobState>(static_cast<int>(state) + 1); }
 v1::FrameState to_wire(FrameState state) { return static_cast<v1::FrameState>(static_cast<int>(state) + 1); }
 static_assert(static_cast<int>(JobState::Cancelled) + 1 == v1::JOB_STATE_CANCELLED);
@@ -70,20 +68,18 @@ v1::AdaptiveStatus adaptive_view(const Job& job, const Frame& frame) {
     for (size_t b = 0; b < planned.counts.size(); ++b) active += planned.counts[b] > before.counts[b];
   }
   wire.set_active_blocks(active);
-  const std::vector<bool> closed = frame.closed_blocks();
-  wire.set_closed_blocks(std::count(closed.begin(), closed.end(), true));
+  wire.set_closed_blocks(counts_of(job, frame).closed_blocks);
   return wire;
 }
 
 }  // namespace
 
-v1::FrameStatus frame_view(const Scheduler& scheduler, const Job& job, const Frame& frame, Time now) {
+v1::FrameStatus frame_view(const Job& job, const Frame& frame) {
   v1::FrameStatus wire;
   wire.set_frame(frame.spec.header.frame);
   wire.set_state(to_wire(frame.row.state));
   *wire.mutable_header() = rpc::to_wire(frame.pinned_header());
-  *wire.mutable_progress() = to_wire(scheduler.progress(job, frame));
-  wire.set_waiting_reason(scheduler.waiting_reason(job, frame, now));
+  *wire.mutable_progress() = to_wire(progress_of(frame));
   wire.set_image_digest(frame.row.image_digest);
   wire.set_image_bytes(frame.row.image_bytes);
   if (!frame.row.image_digest.empty() || !frame.row.passes.empty()) *wire.mutable_statistics() = to_wire(frame.row.statistics);
@@ -94,13 +90,10 @@ v1::FrameStatus frame_view(const Scheduler& scheduler, const Job& job, const Fra
   health.set_clamped_samples(frame.health.clamped);
   health.set_majorant_violations(frame.health.majorant_violations);
   health.set_truncated_paths(frame.health.truncated);
-  if (frame.given_up == 0) return wire;
-  for (size_t i = 0; i < frame.tasks.size() && wire.failed_tasks_size() < kListedFailures; ++i) {
-    const Task& task = frame.tasks[i];
-    if (task.state != TaskState::GivenUp) continue;
+  const auto index = static_cast<int>(&frame - job.frames.data());
+  for (const auto& [number, task] : frame.failures) {
     v1::FailedTask* failed = wire.add_failed_tasks();
-    const auto index = static_cast<int>(&frame - job.frames.data());
-    failed->set_task_id(to_string(TaskRef{job.spec.id, index, static_cast<int64_t>(i)}));
+    failed->set_task_id(to_string(TaskRef{job.spec.id, index, number}));
     *failed->mutable_rect() = rpc::to_wire(task.area.rect);
     *failed->mutable_range() = rpc::to_wire(task.area.range);
     failed->set_last_error(task.error);
@@ -108,40 +101,52 @@ v1::FrameStatus frame_view(const Scheduler& scheduler, const Job& job, const Fra
   return wire;
 }
 
-v1::Job job_view(const Scheduler& scheduler, const Job& job, int64_t last_event, bool with_frames, Time now) {
+v1::Job job_view(const JobSpec& spec, const JobRow& row, const JobSummary& summary) {
   v1::Job wire;
-  wire.set_job_id(job.spec.id);
-  wire.set_name(job.spec.name);
-  wire.set_state(to_wire(job.row.state));
-  wire.set_state_reason(job.row.reason);
-  wire.set_priority(job.spec.priority);
-  *wire.mutable_settings() = rpc::to_wire(job.spec.settings, job.spec.tile_size);
-  *wire.mutable_progress() = to_wire(scheduler.progress(job, now));
-  wire.set_submitted_unix_ms(job.spec.submitted_unix_ms);
-  wire.set_ended_unix_ms(job.row.ended_unix_ms);
-  wire.set_frame_count(static_cast<int64_t>(job.frames.size()));
-  wire.set_last_event(last_event);
-  if (job.spec.target) {
-    wire.mutable_target()->set_error(job.spec.target->error);
-    wire.mutable_target()->set_max_samples(job.spec.target->max_samples);
-    if (job.spec.time_limit) wire.mutable_target()->set_max_seconds(job.spec.time_limit->seconds);
+  wire.set_job_id(spec.id);
+  wire.set_name(spec.name);
+  wire.set_state(to_wire(row.state));
+  wire.set_state_reason(row.reason);
+  wire.set_priority(spec.priority);
+  *wire.mutable_settings() = rpc::to_wire(spec.settings, spec.tile_size);
+  *wire.mutable_progress() = to_wire(progress_of(summary.counts));
+  wire.set_submitted_unix_ms(spec.submitted_unix_ms);
+  wire.set_ended_unix_ms(row.ended_unix_ms);
+  wire.set_frame_count(summary.frames);
+  wire.set_last_event(row.last_event);
+  if (spec.target) {
+    wire.mutable_target()->set_error(spec.target->error);
+    wire.mutable_target()->set_max_samples(spec.target->max_samples);
+    if (spec.time_limit) wire.mutable_target()->set_max_seconds(spec.time_limit->seconds);
   }
-  if (job.spec.quote) *wire.mutable_quote() = to_wire(*job.spec.quote);
-  if (const auto outcome = quote_outcome(job)) *wire.mutable_quote_outcome() = *outcome;
-  for (const Frame& frame : job.frames) {
-    if (wire.state_reason().empty()) wire.set_state_reason(scheduler.waiting_reason(job, frame, now));
-    if (with_frames) *wire.add_frames() = frame_view(scheduler, job, frame, now);
-  }
+  if (spec.quote) *wire.mutable_quote() = to_wire(*spec.quote);
+  if (const auto outcome = quote_outcome(spec, row, summary)) *wire.mutable_quote_outcome() = *outcome;
   return wire;
 }
 
-v1::TaskResult result_view(const TaskRef& ref, const Task& task) {
+v1::Job job_view(const Job& job) {
+  v1::Job wire = job_view(job.spec, job.row, summary_of(job));
+  for (const Frame& frame : job.frames) *wire.add_frames() = frame_view(job, frame);
+  return wire;
+}
+
+v1::Job job_view(const Scheduler& scheduler, const Job& job, bool with_frames, Time now) {
+  v1::Job wire = with_frames ? job_view(job) : job_view(job.spec, job.row, summary_of(job));
+  *wire.mutable_progress() = to_wire(scheduler.progress(job, now));
+  const std::vector<std::string> reasons = scheduler.waiting_reasons(job, now);
+  const auto first = std::find_if(reasons.begin(), reasons.end(), [](const std::string& reason) { return !reason.empty(); });
+  if (wire.state_reason().empty() && first != reasons.end()) wire.set_state_reason(*first);
+  for (int i = 0; i < wire.frames_size(); ++i) wire.mutable_frames(i)->set_waiting_reason(reasons[static_cast<size_t>(i)]);
+  return wire;
+}
+
+v1::TaskResult result_view(const TaskRef& ref, const SettledTask& task) {
   v1::TaskResult wire;
   wire.set_task_id(to_string(ref));
-  wire.set_samples(task.area.samples());
-  wire.set_cpu_ns(task.cpu_ns);
-  wire.set_wall_ns(task.wall_ns);
-  wire.set_worker_id(task.committed_by);
+  wire.set_samples(task.result.cost.samples);
+  wire.set_cpu_ns(task.result.cost.cpu_ns);
+  wire.set_wall_ns(task.result.cost.wall_ns);
+  wire.set_worker_id(task.result.worker_id);
   wire.set_reused(task.reused);
   return wire;
 }

@@ -58,7 +58,9 @@ grpc::Status JobsService::ListWorkers(grpc::ServerContext*, const v1::ListWorker
 }
 grpc::Status JobsService::GetFrame(grpc::ServerContext*, const v1::GetFrameRequest* request, v1::GetFrameResponse* response) {
   return answer([&] {
-    const Admission::Ticket ticket(merges_, "images are merged");
+    // An image that is there waits for nobody.
+    std::optional<Admission::Ticket> ticket;
+    if (request->partial()) ticket.emplace(merges_, "previews are merged");
     *response = coordinator_.frame(request->job_id(), request->frame(), request->partial());
   });
 }

@@ -14,8 +14,11 @@
 #include <chrono>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <utility>
+
+#include "rpc/address.h"
 
 namespace woodcock::coordinator {
 namespace {
@@ -69,17 +72,15 @@ rlim_t raise_descriptor_limit() {
 }
 
 Listener::Listener(const std::string& listen) {
-  const size_t colon = listen.rfind(':');
-  const std::string port = colon == std::string::npos ? "" : listen.substr(colon + 1);
-  if (port.empty() || port.size() > 5 || port.find_first_not_of("0123456789") != std::string::npos || std::stoi(port) > 65535)
-    refuse(listen, "expected HOST:PORT with a port from 0 to 65535");
-  std::string host = listen.substr(0, colon);
-  if (host.size() > 2 && host.front() == '[' && host.back() == ']') host = host.substr(1, host.size() - 2);
+  const std::optional<rpc::Address> asked = rpc::parse_address(listen);
+  if (!asked) refuse(listen, rpc::problem_of_listen_address(listen));
   addrinfo hints{};
   hints.ai_socktype = SOCK_STREAM;
   hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
   addrinfo* found = nullptr;
-  if (const int error = ::getaddrinfo(host.empty() ? nullptr : host.c_str(), port.c_str(), &hints, &found); error != 0)
+  if (const int error =
+          ::getaddrinfo(asked->host.empty() ? nullptr : asked->host.c_str(), std::to_string(asked->port).c_str(), &hints, &found);
+      error != 0)
     refuse(listen, ::gai_strerror(error));
   const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> owner(found, &::freeaddrinfo);
   int error = 0;
@@ -88,7 +89,7 @@ Listener::Listener(const std::string& listen) {
     error = errno;
   }
   if (descriptor_ < 0) refuse(listen, std::string(std::strerror(error)) + "; give another --listen");
-  address_ = listen.substr(0, colon) + ":" + std::to_string(port_of(descriptor_));
+  address_ = listen.substr(0, listen.rfind(':')) + ":" + std::to_string(port_of(descriptor_));
 }
 
 Listener::~Listener() { stop(); }

@@ -2,7 +2,6 @@
 #include <signal.h>
 #include <unistd.h>
 
-#include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 #include <CLI/CLI.hpp>
 
@@ -10,14 +9,23 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <thread>
 
+#include "coordinator/merge_pool.h"
 #include "coordinator/server.h"
+#include "rpc/address.h"
 #include "rpc/channel.h"
+#include "rpc/failure.h"
+#include "rpc/log.h"
+#include "rpc/printable.h"
+#include "rpc/standard_output.h"
 
 namespace {
 
 using namespace woodcock;
 using namespace woodcock::coordinator;
+
+constexpr int kPreviewsAtOnce = 2;
 
 /// Fatal: what was acknowledged is durable; nothing more may be.
 [[noreturn]] void die(const std::string& reason) {
@@ -32,7 +40,7 @@ void write_address(const std::string& dir, const std::string& address) {
   std::filesystem::rename(path + ".new", path);
 }
 
-int serve(const CoordinatorOptions& options, const std::string& listen) {
+int serve(CoordinatorOptions options, const std::string& listen, const std::string& program) {
   // Blocked before any thread is made, so that all inherit it and sigwait below gets the signal.
   sigset_t signals;
   sigemptyset(&signals);
@@ -43,10 +51,16 @@ int serve(const CoordinatorOptions& options, const std::string& listen) {
 
   spdlog::info("at most {} open files", raise_descriptor_limit());
   std::filesystem::create_directories(options.dir);
+  // Previews are merged beside the frames.
+  MergePool pool(program, options.merges_at_once + kPreviewsAtOnce, [&options] { options.failpoint("during-merge"); });
+  options.assemble_tiles = [&pool](const AssembleRequest& request) { return pool.merge(request); };
   Coordinator coordinator(options);
   CoordinatorServer server(coordinator, listen);
   write_address(options.dir, server.address());
   std::cout << "listening on " << server.address() << std::endl;
+  // Who starts it may read the address there; the farm goes on without.
+  if (const auto error = rpc::failure_of(rpc::flush_standard_output))
+    spdlog::error("{}; the address is in {}/address", *error, options.dir);
   int signal = 0;
   sigwait(&signals, &signal);
   spdlog::info("stopping on signal {}", signal);
@@ -59,16 +73,19 @@ int serve(const CoordinatorOptions& options, const std::string& listen) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  spdlog::set_default_logger(spdlog::stderr_color_mt("coordinator"));
-  spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
+  rpc::start_log("coordinator", "%Y-%m-%dT%H:%M:%S.%e%z %l %v");
   spdlog::flush_on(spdlog::level::info);
 
   CLI::App app("Splits frames into tasks, leases them to workers, merges the results.");
   CoordinatorOptions options;
-  std::string listen = rpc::kDefaultAddress, assemble_spec, test_hook;
+  options.merges_at_once = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 2u, 8u));
+  std::string listen = rpc::kDefaultAddress, test_hook;
+  pid_t merge_server_parent = 0;
+  bool no_scene_reader = false;
   int64_t lease_seconds = 30, grace_seconds = 10, min_free_mib = 64, pin_seconds = 3600, repin_seconds = 0;
   app.add_option("--dir", options.dir, "Folder of the database and the blobs");
   app.add_option("--listen", listen, "HOST:PORT; port 0 takes any free one. Not encrypted: keep to loopback or a private network")
+      ->check(rpc::problem_of_listen_address)
       ->capture_default_str();
   app.add_option("--lease", lease_seconds, "Seconds without progress after which a worker's lease ends")
       ->check(CLI::Range(1, 86400))
@@ -84,7 +101,11 @@ int main(int argc, char** argv) {
   app.add_option("--pin", pin_seconds, "Seconds for which unused files are kept")->check(CLI::Range(1, 1 << 30))->capture_default_str();
   app.add_option("--test-hook", test_hook, "POINT@N: end as by SIGKILL the N-th time it passes a point that coordinator/failpoint.h names")
       ->group("For tests of fault handling only");
-  app.add_option("--assemble", assemble_spec, "Merge the tiles that a specification lists, and end (used by the coordinator itself)")
+  app.add_option("--merges", options.merges_at_once, "Frames that are merged at once, each in a process of its own")
+      ->check(CLI::Range(1, 256))
+      ->capture_default_str();
+  app.add_flag("--no-scene-reader", no_scene_reader, "Read no scenes for programs that cannot do so themselves: SubmitScene is refused");
+  app.add_option("--merge-server", merge_server_parent, "Merge for the coordinator that is this process (used by the coordinator itself)")
       ->group("");
   try {
     app.parse(argc, argv);
@@ -93,9 +114,9 @@ int main(int argc, char** argv) {
     std::cerr << "woodcock-coordinator: " << error.what() << "\n";
     return 2;
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
+    return rpc::exit_code_with_output(app.exit(error) == 0 ? 0 : 2, "woodcock-coordinator");
   }
-  if (!assemble_spec.empty()) return assemble_main(assemble_spec);
+  if (merge_server_parent > 0) return merge_server_main(merge_server_parent);
   if (options.dir.empty()) {
     std::cerr << "woodcock-coordinator: --dir is required\n";
     return 2;
@@ -111,14 +132,11 @@ int main(int argc, char** argv) {
   options.unix_ms = unix_time_ms;
   options.on_fatal = die;
   const std::string program = std::filesystem::read_symlink("/proc/self/exe");
-  options.assemble_tiles = [program, temporary = options.dir + "/temporary",
-                            failpoint = options.failpoint](const AssembleRequest& request) {
-    return assemble_in_child(program, temporary, request, [&] { failpoint("during-merge"); });
-  };
+  if (!no_scene_reader) options.scene_reader = std::filesystem::path(program).replace_filename("woodcock");
   try {
-    return serve(options, listen);
+    return rpc::exit_code_with_output(serve(options, listen, program), "woodcock-coordinator");
   } catch (const std::exception& error) {
-    std::cerr << "woodcock-coordinator: " << error.what() << "\n";
+    std::cerr << "woodcock-coordinator: " << rpc::printable_lines(error.what()) << "\n";
     return 1;
   }
 }

@@ -36,6 +36,78 @@ HealthCounts& HealthCounts::operator-=(const HealthCounts& o) {
   return *this += {-o.nonfinite, -o.clamped, -o.majorant_violations, -o.truncated};
 }
 
+FrameCounts& FrameCounts::operator+=(const FrameCounts& o) {
+  for (const auto member : {&FrameCounts::unsettled, &FrameCounts::done, &FrameCounts::given_up, &FrameCounts::samples_total,
+                            &FrameCounts::samples_done, &FrameCounts::cpu_ns, &FrameCounts::result_cpu_ns, &FrameCounts::closed_blocks})
+    this->*member = capped_sum(this->*member, o.*member);
+  for (const auto member : {&HealthCounts::nonfinite, &HealthCounts::clamped, &HealthCounts::majorant_violations, &HealthCounts::truncated})
+    health.*member = capped_sum(health.*member, o.health.*member);
+  return *this;
+}
+
+namespace {
+
+nlohmann::json json_of(const FrameCounts& c) {
+  return {{"unsettled", c.unsettled},
+          {"done", c.done},
+          {"given_up", c.given_up},
+          {"samples_total", c.samples_total},
+          {"samples_done", c.samples_done},
+          {"cpu_ns", c.cpu_ns},
+          {"result_cpu_ns", c.result_cpu_ns},
+          {"closed_blocks", c.closed_blocks},
+          {"nonfinite", c.health.nonfinite},
+          {"clamped", c.health.clamped},
+          {"majorant_violations", c.health.majorant_violations},
+          {"truncated", c.health.truncated}};
+}
+
+FrameCounts counts_of(const nlohmann::json& json) {
+  const auto number = [&](const char* key) { return json.at(key).get<int64_t>(); };
+  FrameCounts c;
+  c.unsettled = number("unsettled");
+  c.done = number("done");
+  c.given_up = number("given_up");
+  c.samples_total = number("samples_total");
+  c.samples_done = number("samples_done");
+  c.cpu_ns = number("cpu_ns");
+  c.result_cpu_ns = number("result_cpu_ns");
+  c.closed_blocks = number("closed_blocks");
+  c.health = {number("nonfinite"), number("clamped"), number("majorant_violations"), number("truncated")};
+  return c;
+}
+
+}  // namespace
+
+std::string to_json(const FrameCounts& counts) { return json_of(counts).dump(); }
+
+FrameCounts counts_from_json(const std::string& text) {
+  try {
+    return counts_of(nlohmann::json::parse(text));
+  } catch (const nlohmann::json::exception& error) {
+    throw std::runtime_error(std::string("malformed counts: ") + error.what());
+  }
+}
+
+std::string to_json(const JobSummary& s) {
+  return nlohmann::json{{"frames", s.frames},
+                        {"counts", json_of(s.counts)},
+                        {"pixels", s.pixels},
+                        {"error_square", s.error_square},
+                        {"errors_known", s.errors_known}}
+      .dump();
+}
+
+JobSummary summary_from_json(const std::string& text) {
+  try {
+    const nlohmann::json json = nlohmann::json::parse(text);
+    return {json.at("frames").get<int64_t>(), counts_of(json.at("counts")), json.at("pixels").get<double>(),
+            json.at("error_square").get<double>(), json.at("errors_known").get<bool>()};
+  } catch (const nlohmann::json::exception& error) {
+    throw std::runtime_error(std::string("malformed summary: ") + error.what());
+  }
+}
+
 const char* to_string(JobState state) {
   static constexpr const char* kNames[] = {"queued", "running", "paused", "assembling", "done", "partial", "failed", "cancelled"};
   return kNames[static_cast<int>(state)];

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <variant>
@@ -56,29 +57,34 @@ struct TimeLimit {
   std::string reason() const;
 };
 
-struct JobSpec {
-  std::string id;
-  std::string request_id;
-  std::string request_digest;  ///< of the whole request: a request id is not used twice
-  std::string name;
-  FrameSettings settings;
-  int tile_size = 64;               ///< pixels
-  int64_t range_length = 64;        ///< samples of the longest task, a power of two
+/// What an extension changes of a job.
+struct JobAim {
   std::vector<SampleRange> rounds;  ///< [0, n), cut (submit.h), and what each extension added; what follows in an adaptive job are passes
   std::optional<SamplingTarget> target;  ///< of an adaptive job
   std::optional<TimeLimit> time_limit;   ///< only with a target
   std::optional<JobQuote> quote;         ///< what the user was told that it will cost
-  int priority = 0;
-  std::vector<FrameSpec> frames;
-  int64_t submitted_unix_ms = 0;
 
   bool out_of_time() const { return time_limit && time_limit->over(); }
   int64_t samples() const { return rounds.empty() ? 0 : rounds.back().end; }
 };
 
-enum class JobState { Queued, Running, Paused, Assembling, Done, Partial, Failed, Cancelled };
-enum class FrameState { Queued, Running, Assembling, Done, Partial, Failed, Cancelled };
-enum class TaskState { Open, Committing, Done, Split, GivenUp };
+struct JobSpec : JobAim {
+  std::string id;
+  std::string request_id;
+  std::string request_digest;  ///< of the whole request: a request id is not used twice
+  std::string name;
+  FrameSettings settings;
+  int tile_size = 64;         ///< pixels
+  int64_t range_length = 64;  ///< samples of the longest task, a power of two
+  int priority = 0;
+  std::vector<FrameSpec> frames;  ///< empty in a `Job`, whose frames hold them
+  int64_t submitted_unix_ms = 0;
+};
+
+// The database keeps these numbers.
+enum class JobState { Queued = 0, Running = 1, Paused = 2, Assembling = 3, Done = 4, Partial = 5, Failed = 6, Cancelled = 7 };
+enum class FrameState { Queued = 0, Running = 1, Assembling = 2, Done = 3, Partial = 4, Failed = 5, Cancelled = 6 };
+enum class TaskState { Open = 0, Committing = 1, Done = 2, Split = 3, GivenUp = 4 };
 const char* to_string(JobState state);
 const char* to_string(FrameState state);
 inline bool has_ended(JobState s) { return s >= JobState::Done; }
@@ -162,32 +168,62 @@ struct LeaseRow {
   uint64_t epoch = 0;
 };
 
-/// Everything a restart needs of one job.
-struct RecoveredJob {
-  JobSpec spec;
-  JobRow row;
-  std::vector<FrameRow> frames;
-  std::vector<SettledTask> settled;  ///< by frame and number
-};
+/// The sum of two counts that are not negative, at most the largest that 64 bits hold.
+constexpr int64_t capped_sum(int64_t a, int64_t b) {
+  constexpr int64_t kLargest = std::numeric_limits<int64_t>::max();
+  return a > kLargest - b ? kLargest : a + b;
+}
 
+/// What is counted of a frame. It is kept with the frame once its job has ended.
+struct FrameCounts {
+  int64_t unsettled = 0;  ///< tasks that are open or being committed
+  int64_t done = 0, given_up = 0;
+  int64_t samples_total = 0, samples_done = 0;
+  int64_t cpu_ns = 0;         ///< that this job paid
+  int64_t result_cpu_ns = 0;  ///< of the results that are there, whoever paid
+  int64_t closed_blocks = 0;  ///< of an adaptive frame whose job has ended
+  HealthCounts health;        ///< sum over the tasks done
+
+  FrameCounts& operator+=(const FrameCounts& o);
+  friend bool operator==(const FrameCounts&, const FrameCounts&) = default;
+};
+std::string to_json(const FrameCounts& counts);
+/// Throws std::runtime_error on malformed text.
+FrameCounts counts_from_json(const std::string& text);
+
+/// What a job shows without its frames. It is kept with the job once that has ended.
+struct JobSummary {
+  int64_t frames = 0;
+  FrameCounts counts;         ///< of all frames
+  double pixels = 0;          ///< of all frames
+  double error_square = 0;    ///< sum of the squares of the frames' relative errors
+  bool errors_known = false;  ///< of every frame
+
+  friend bool operator==(const JobSummary&, const JobSummary&) = default;
+};
+std::string to_json(const JobSummary& summary);
+/// Throws std::runtime_error on malformed text.
+JobSummary summary_from_json(const std::string& text);
+
+/// The database keeps these numbers, and the wire has them too.
 enum class EventKind {
   Submitted = 1,
-  StateChanged,
-  FramePinned,
-  FrameDone,
-  LeaseGranted,
-  LeaseExpired,
-  LeaseReleased,
-  TaskCommitted,
-  TaskFailed,
-  TaskSplit,
-  TaskGivenUp,
-  StragglerCopied,
-  DeterminismAlarm,
-  Extended,
-  ResultRefused,
-  TaskReused,
-  PassDecided,
+  StateChanged = 2,
+  FramePinned = 3,
+  FrameDone = 4,
+  LeaseGranted = 5,
+  LeaseExpired = 6,
+  LeaseReleased = 7,
+  TaskCommitted = 8,
+  TaskFailed = 9,
+  TaskSplit = 10,
+  TaskGivenUp = 11,
+  StragglerCopied = 12,
+  DeterminismAlarm = 13,
+  Extended = 14,
+  ResultRefused = 15,
+  TaskReused = 16,
+  PassDecided = 17,
 };
 
 struct JobEvent {
@@ -206,23 +242,32 @@ struct AttemptRecord {
   std::string message, log_excerpt;
 };
 
-// What the scheduler wants done. The coordinator carries these out in order.
+// What the scheduler wants done, with all that it takes. The coordinator carries these out in order.
 namespace action {
-/// Make the pin durable, look results up, then call Scheduler::frame_pinned.
+/// Make the pin durable, then call Scheduler::frame_pinned.
 struct PinFrame {
   std::string job;
-  int frame;
-  std::string build, arithmetic_class;
+  int frame = 0;
+  FrameRow row;  ///< pinned
+};
+/// Look up which of these open tasks have a result already, and settle them, then call Scheduler::results_found. The scheduler
+/// neither leases nor commits them meanwhile.
+struct FindResults {
+  std::string job;
+  int frame = 0;
+  FrameHeader header;  ///< pinned
+  std::vector<std::pair<int64_t, TaskArea>> tasks;
 };
 /// Make the commit durable, then call Scheduler::committed.
 struct CommitTask {
   TaskRef task;
+  int64_t parent = -1;
   ResultRecord result;
   std::string worker_id;
 };
 struct SplitTask {
   TaskRef task;
-  int64_t first_part;
+  int64_t first_part = 0;
 };
 struct GiveUpTask {
   TaskRef task;
@@ -241,29 +286,36 @@ struct DropLease {
 /// Merge the frame's committed tiles, then call Scheduler::frame_assembled, or Scheduler::pass_decided where more is to be rendered.
 struct AssembleFrame {
   std::string job;
-  int frame;
+  int frame = 0;
 };
-/// The job's row changed: see Scheduler::find.
 struct SaveJob {
   std::string job;
+  JobAim aim;
+  JobRow row;  ///< the time when it ended is the coordinator's to fill
 };
 struct SaveFrame {
   std::string job;
-  int frame;
+  int frame = 0;
+  FrameRow row;
 };
 /// Forget what is settled of the frame; its row is that of a new one.
 struct ResetFrame {
   std::string job;
-  int frame;
+  int frame = 0;
+  FrameRow row;
 };
 struct LogEvent {
   std::string job;
-  JobEvent event;  ///< number and time are the coordinator's to fill
+  JobEvent event;  ///< the time is the coordinator's to fill
+};
+/// The job has ended. When everything before is durable call Scheduler::release, and keep what it returns in the database only.
+struct ReleaseJob {
+  std::string job;
 };
 }  // namespace action
 
-using Action =
-    std::variant<action::PinFrame, action::CommitTask, action::SplitTask, action::GiveUpTask, action::RecordAttempt, action::SaveLease,
-                 action::DropLease, action::AssembleFrame, action::SaveJob, action::SaveFrame, action::ResetFrame, action::LogEvent>;
+using Action = std::variant<action::PinFrame, action::FindResults, action::CommitTask, action::SplitTask, action::GiveUpTask,
+                            action::RecordAttempt, action::SaveLease, action::DropLease, action::AssembleFrame, action::SaveJob,
+                            action::SaveFrame, action::ResetFrame, action::LogEvent, action::ReleaseJob>;
 
 }  // namespace woodcock::coordinator

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "coordinator/scheduler.h"
+#include "coordinator/model.h"
 #include "rpc/convert.h"
 #include "rpc/error.h"
 #include "rpc/limits.h"
@@ -98,24 +98,14 @@ std::optional<JobQuote> parse_quote(const std::string& text) {
   }
 }
 
-std::optional<v1::QuoteOutcome> quote_outcome(const Job& job) {
-  if (!job.spec.quote || job.row.state != JobState::Done) return std::nullopt;
+std::optional<v1::QuoteOutcome> quote_outcome(const JobSpec& spec, const JobRow& row, const JobSummary& summary) {
+  if (!spec.quote || row.state != JobState::Done) return std::nullopt;
   v1::QuoteOutcome outcome;
-  double samples = 0, pixels = 0, cpu_ns = 0, square = 0;
-  bool known = true;
-  for (const Frame& frame : job.frames) {
-    samples += static_cast<double>(frame.samples_done);
-    pixels += static_cast<double>(frame.spec.header.bounds.area());
-    cpu_ns += static_cast<double>(frame.result_cpu_ns);
-    const std::optional<double>& error = frame.row.statistics.relative_error;
-    known = known && error.has_value();
-    square += error.value_or(0) * error.value_or(0);
-  }
-  outcome.set_samples(samples / pixels);
-  outcome.set_cpu_seconds(cpu_ns * 1e-9);
-  if (known) outcome.set_relative_error(std::sqrt(square / static_cast<double>(job.frames.size())));
-  outcome.set_wall_seconds(static_cast<double>(std::max<int64_t>(0, job.row.ended_unix_ms - job.spec.submitted_unix_ms)) * 1e-3);
-  outcome.set_extended(job.spec.quote->extended);
+  outcome.set_samples(static_cast<double>(summary.counts.samples_done) / summary.pixels);
+  outcome.set_cpu_seconds(static_cast<double>(summary.counts.result_cpu_ns) * 1e-9);
+  if (summary.errors_known) outcome.set_relative_error(std::sqrt(summary.error_square / static_cast<double>(summary.frames)));
+  outcome.set_wall_seconds(static_cast<double>(std::max<int64_t>(0, row.ended_unix_ms - spec.submitted_unix_ms)) * 1e-3);
+  outcome.set_extended(spec.quote->extended);
   return outcome;
 }
 

@@ -9,7 +9,9 @@
 
 namespace woodcock::coordinator {
 
-struct Job;
+struct JobSpec;
+struct JobRow;
+struct JobSummary;
 
 /// A value with its interval of 95 %.
 template <typename T>
@@ -40,6 +42,6 @@ std::string quote_text(const std::optional<JobQuote>& quote);
 std::optional<JobQuote> parse_quote(const std::string& text);
 
 /// What a job with a quote became; absent while it is not done.
-std::optional<v1::QuoteOutcome> quote_outcome(const Job& job);
+std::optional<v1::QuoteOutcome> quote_outcome(const JobSpec& spec, const JobRow& row, const JobSummary& summary);
 
 }  // namespace woodcock::coordinator

@@ -4,16 +4,14 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <deque>
 #include <map>
-#include <memory>
 #include <optional>
 #include <set>
 #include <string>
 #include <unordered_map>
 #include <vector>
 
-#include "coordinator/model.h"
+#include "coordinator/job.h"
 
 namespace woodcock::coordinator {
 
@@ -70,11 +68,15 @@ struct WorkerReport {
 };
 
 enum class ReportStatus { Accepted, OlderIncarnation, OlderSequence };
-enum class OfferStatus { Committed, AlreadyCommitted, UploadNeeded, Refused, Pending };
+/// Settled: what became of the task is not in memory; `verdict_of_settled` decides from its row.
+enum class OfferStatus { Committed, AlreadyCommitted, UploadNeeded, Refused, Pending, Settled };
 struct OfferDecision {
   OfferStatus status;
   std::string reason;
+  bool alarm = false;  ///< two results of one key differ: `reason` is what to log
 };
+/// What an offer for a task is worth whose row this is, or that has none although its job has ended.
+OfferDecision verdict_of_settled(const std::optional<SettledTask>& row, const Offer& offer);
 enum class CancelReason { JobEnded = 1, TaskSettled, LeaseExpired, UnknownLease, StaleEpoch };
 struct Grant {
   std::string lease_id;
@@ -105,76 +107,8 @@ struct Progress {
   std::optional<double> eta_seconds;
 };
 
-struct Task {
-  TaskArea area;
-  TaskState state = TaskState::Open;
-  bool retry = false;  ///< waits in Frame::retry
-  uint64_t epoch = 0;  ///< of its last lease
-  int64_t parent = -1, first_part = -1;
-  int expirations = 0, refusals = 0, damages = 0;
-  std::string committed_by;         ///< worker that rendered its result; empty where that was not kept
-  bool reused = false;              ///< an earlier job rendered the result
-  int64_t cpu_ns = 0, wall_ns = 0;  ///< what the result cost, whoever paid
-  std::string digest;
-  std::string error;
-  bool repair = false;              ///< its result was damaged after the job's time was over: it may be rendered again all the same
-  std::vector<std::string> leases;  ///< live attempts
-  std::vector<std::string> failed_workers;
-};
-
-struct Frame {
-  FrameSpec spec;
-  FrameRow row;
-  bool pin_pending = false;
-  std::vector<Task> tasks;
-  size_t next_fresh = 0;    ///< tasks before this were leased, settled or put into `retry`
-  std::set<int64_t> retry;  ///< open tasks to be leased again
-  int64_t unsettled = 0;    ///< tasks that are open or committing
-  int64_t done = 0, given_up = 0;
-  int splits = 0;
-  std::map<std::string, int> scene_failures;  ///< how often each worker could not read the scene
-  int64_t samples_total = 0, samples_done = 0;
-  int64_t cpu_ns = 0;                         ///< that this job paid
-  int64_t result_cpu_ns = 0;                  ///< of the results that are there, whoever paid
-  HealthCounts health;                        ///< sum over the tasks done
-  std::map<int64_t, HealthCounts> unhealthy;  ///< its share of each task that has any
-  uint64_t revision = 0;                      ///< grows when a merge that is under way is not of the frame any more
-  Time unfit_since = 0;                       ///< no connected worker has its build; 0: one has
-  bool deciding = false;                      ///< a pass is over, and the next one not decided yet
-  std::deque<int64_t> durations;              ///< wall time of the last commits, nanoseconds
-
-  FrameHeader pinned_header() const;
-  /// What the tasks raise the blocks to after the first `passes` passes that follow the job's rounds, [0, base).
-  SampleMap planned_map(size_t passes, int64_t base) const;
-  SampleMap planned_map(int64_t base) const { return planned_map(row.passes.size(), base); }
-  /// The samples that each block has for certain: where a task of a pass is not done its block stands where it was before the pass.
-  /// The job's rounds, [0, base), count as done: what they lack is a hole of the image.
-  SampleMap settled_map(int64_t base) const;
-  /// Blocks with a task that was given up.
-  std::vector<bool> closed_blocks() const;
-  /// With tasks that are not settled: its time was over.
-  bool to_be_assembled() const { return row.state == FrameState::Assembling || (unsettled == 0 && deciding); }
-  /// Whether its open tasks are given to workers.
-  bool being_rendered() const { return !has_ended(row.state) && row.state != FrameState::Assembling; }
-  /// A task is done by this result, or open again: its worker, cost and counts.
-  void add_result(int64_t number, const ResultRecord& result, bool reused);
-  void remove_result(int64_t number);
-  void add_health(int64_t number, const HealthCounts& counts);
-  void remove_health(int64_t number);
-};
-
-struct Job {
-  JobSpec spec;
-  JobRow row;
-  std::vector<Frame> frames;
-  size_t first_unfinished = 0;
-  bool leased_ever = false;
-  double served = 0;                            ///< camera paths granted: the fair share
-  std::deque<std::pair<Time, int64_t>> recent;  ///< commits of the last minute: when, camera paths
-};
-
-/// Whether a job that has ended may get more samples, a smaller error or more time.
-bool can_be_extended(const Job& job);
+/// Without what is under way.
+Progress progress_of(const FrameCounts& counts);
 
 class Scheduler {
  public:
@@ -182,9 +116,14 @@ class Scheduler {
 
   // Jobs.
   /// A new job. Its id must be new.
-  void add_job(const JobSpec& spec);
-  /// A job of before the restart, with the leases that were live then.
-  void recover_job(const RecoveredJob& job, const std::vector<LeaseRow>& leases, Time now);
+  void add_job(Job job);
+  void add_job(const JobSpec& spec) { add_job(make_job(spec)); }
+  /// A job of the database, laid out and restored, with the leases that were live at a restart.
+  void recover_job(Job job, const std::vector<LeaseRow>& leases, Time now);
+  /// Gives a job up that has ended and has nothing under way; nothing for any other.
+  std::optional<Job> release(const std::string& job_id);
+  /// Asks for its release where the job has ended.
+  void release_if_ended(const std::string& job_id);
   const Job* find(const std::string& job_id) const;
   const std::map<std::string, Job>& jobs() const { return jobs_; }
   /// These change nothing when the job has ended (extending: when it was cancelled, or failed for another reason than its time),
@@ -218,16 +157,20 @@ class Scheduler {
   const std::map<std::string, std::string>& lost_scenes() const { return lost_scenes_; }
 
   // Answers to actions.
-  void frame_pinned(const action::PinFrame& pin, const std::vector<SettledTask>& reused);
+  void frame_pinned(const action::PinFrame& pin);
+  /// `reused`: those that are settled now.
+  void results_found(const action::FindResults& asked, const std::vector<SettledTask>& reused);
   void committed(const action::CommitTask& commit, Time now);
+  /// Two results of one key differ. Nothing for a job that is not in memory.
+  void alarm(const TaskRef& task, const std::string& worker_id, const std::string& message);
   /// The blob of a committed task is damaged or gone: the task is open again. The frame fails when that happens to one task again
-  /// and again: the disk keeps nothing.
-  void reopen(const TaskRef& task, const std::string& reason);
+  /// and again: the disk keeps nothing. `result` is what was committed. False, and nothing is done, where the task is not done.
+  bool reopen(const TaskRef& task, const ResultRecord& result, const std::string& reason);
   /// The file of a frame's image is damaged or gone: it is merged again.
   void image_lost(const std::string& job_id, int frame);
   /// The merge refused a committed result: open again, for other workers first. The frame fails when a task's
   /// results are refused again and again.
-  void result_refused(const TaskRef& task, const std::string& reason);
+  bool result_refused(const TaskRef& task, const ResultRecord& result, const std::string& reason);
   /// `reason`: what ended the frame before its target, for people.
   void frame_assembled(const std::string& job_id, int frame, const std::string& digest, int64_t bytes, const FrameStatistics& statistics,
                        const std::string& reason = "");
@@ -238,11 +181,10 @@ class Scheduler {
   std::vector<Action> take_actions();
 
   // What people see.
-  Progress progress(const Job& job, const Frame& frame) const;
   Progress progress(const Job& job, Time now) const;
   std::string waiting_reason(const Job& job, const Frame& frame, Time now) const;
-  /// Keys of the frame's open tasks as the pin would make them: what may be there already.
-  std::vector<std::pair<int64_t, std::string>> keys_of_open_tasks(const action::PinFrame& pin) const;
+  /// Of each frame.
+  std::vector<std::string> waiting_reasons(const Job& job, Time now) const;
   size_t live_leases() const { return leases_.size(); }
   int64_t connected_workers(Time now) const;
   /// At most `limit` of them by id, those after `after`. The views hold until the next event.
@@ -269,15 +211,35 @@ class Scheduler {
     bool quarantined = false;
   };
 
+  /// The order in which jobs are served: by priority, then by what they got, then by id.
+  struct Turn {
+    int priority = 0;
+    double served = 0;
+    std::string job;
+
+    friend bool operator<(const Turn& a, const Turn& b) {
+      return a.priority != b.priority ? a.priority > b.priority : a.served != b.served ? a.served < b.served : a.job < b.job;
+    }
+  };
+  /// A task of a job in memory.
+  struct Place {
+    Job* job = nullptr;
+    Frame* frame = nullptr;
+    explicit operator bool() const { return frame != nullptr; }
+  };
+
+  Job& insert(Job added);
   Job* job_of(const std::string& id);
-  Frame* frame_of(const TaskRef& task);
-  Task* task_of(const TaskRef& task);
-  void append_tasks(Frame& frame, const std::vector<TaskArea>& areas);
-  void append_round(Job& job, Frame& frame, SampleRange round);
-  void append_pass(Job& job, Frame& frame, size_t pass);
-  void restore_tasks(Job& job, Frame& frame, const std::vector<SettledTask>& settled);
-  void look_up(Job& job, Frame& frame);
-  void add_parts(Frame& frame, int64_t number, int64_t first_part);
+  /// Nothing where the job is not in memory or has no such task.
+  Place place_of(const TaskRef& task);
+  /// The task's entry where it is open and not being committed, made when it has none; null otherwise.
+  ActiveTask* open_task(const TaskRef& task);
+  void look_ahead(Job& job, Frame& frame);
+  void set_ready(Job& job, const Frame& frame);
+  void take_turn(Job& job);
+  void end_leases(Frame& frame, CancelReason reason);
+  void save_frame(const Job& job, const Frame& frame);
+  void save_job(const Job& job);
   void log(const std::string& job, EventKind kind, std::optional<uint64_t> frame, const std::string& task, const std::string& worker,
            const std::string& message);
   void set_state(Job& job, JobState state, const std::string& reason);
@@ -295,23 +257,29 @@ class Scheduler {
   bool connected(const Worker& worker, Time now) const;
   bool available(const Worker& worker, Time now) const;
   int64_t available_workers(const Frame& frame, Time now) const;
-  bool may_take(const std::string& worker_id, const Frame& frame, const Task& task, Time now) const;
+  bool may_take(const std::string& worker_id, const Frame& frame, const ActiveTask& task, Time now) const;
   std::optional<int64_t> next_task(const std::string& worker_id, Frame& frame, Time now);
   std::optional<TaskRef> choose(const std::string& worker_id, const Worker& worker, Time now);
-  std::optional<TaskRef> choose_copy(const std::string& worker_id, const Worker& worker, Time now) const;
+  void find_stragglers(Time now);
+  std::optional<TaskRef> choose_copy(const std::string& worker_id, const Worker& worker, Time now);
   void lease(const TaskRef& task, const std::string& worker_id, Worker& worker, Time now);
   void end_lease(const std::string& lease_id, std::optional<CancelReason> tell_worker);
   void requeue(const TaskRef& task);
-  void settle(const TaskRef& task, TaskState state);
+  void settle(Frame& frame, int64_t number);
   void task_failed(const TaskRef& task, const std::string& worker_id, const std::string& why, bool counts, Time now);
   void ask_another(const TaskRef& task, const std::string& worker_id, const std::string& why);
   void split_or_give_up(const TaskRef& task, const std::string& why);
   bool scene_is_bad(const Frame& frame, Time now) const;
-  void blame_others(const Task& task, const std::string& winner);
+  void blame_others(const ActiveTask& task, const std::string& winner);
   bool adopt(const LeaseReport& report, const std::string& worker_id, Worker& worker, Time now);
 
   SchedulerOptions options_;
-  std::map<std::string, Job> jobs_;
+  std::map<std::string, Job> jobs_;      // that run, and those that have ended and are not released yet
+  std::map<std::string, Turn> turns_;    // of the jobs that have something to lease
+  std::set<Turn> runnable_;              // the same, in order
+  std::vector<std::string> ended_;       // whose release is to be asked for
+  std::vector<std::string> stragglers_;  // leases that are worth a copy, the oldest first
+  Time stragglers_found_ = 0;
   std::map<std::string, Worker> workers_;
   std::unordered_map<std::string, Lease> leases_;
   uint64_t next_epoch_ = 0;

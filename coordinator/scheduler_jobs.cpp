@@ -1,56 +1,10 @@
 // Jobs, frames and tasks: how they begin, settle and end.
 #include <algorithm>
-#include <cmath>
+#include <utility>
 
 #include "coordinator/scheduler.h"
-#include "coordinator/task_grid.h"
 
 namespace woodcock::coordinator {
-
-FrameHeader Frame::pinned_header() const {
-  FrameHeader header = spec.header;
-  header.build = row.build;
-  header.arithmetic_class = row.arithmetic_class;
-  return header;
-}
-
-void Frame::add_result(int64_t number, const ResultRecord& result, bool reused) {
-  Task& task = tasks[static_cast<size_t>(number)];
-  task.digest = result.digest;
-  task.committed_by = result.worker_id;
-  task.reused = reused;
-  task.cpu_ns = result.cost.cpu_ns;
-  task.wall_ns = result.cost.wall_ns;
-  ++done;
-  samples_done += task.area.samples();
-  if (!reused) cpu_ns += task.cpu_ns;
-  result_cpu_ns += task.cpu_ns;
-  add_health(number, result.health);
-}
-
-void Frame::remove_result(int64_t number) {
-  Task& task = tasks[static_cast<size_t>(number)];
-  task.digest.clear();
-  --done;
-  samples_done -= task.area.samples();
-  // What it cost was spent all the same, but is no part of the picture.
-  result_cpu_ns -= task.cpu_ns;
-  task.cpu_ns = task.wall_ns = 0;
-  remove_health(number);
-}
-
-void Frame::add_health(int64_t number, const HealthCounts& counts) {
-  if (!counts.any()) return;
-  unhealthy[number] = counts;
-  health += counts;
-}
-
-void Frame::remove_health(int64_t number) {
-  const auto it = unhealthy.find(number);
-  if (it == unhealthy.end()) return;
-  health -= it->second;
-  unhealthy.erase(it);
-}
 
 Job* Scheduler::job_of(const std::string& id) {
   const auto it = jobs_.find(id);
@@ -62,122 +16,89 @@ const Job* Scheduler::find(const std::string& id) const {
   return it == jobs_.end() ? nullptr : &it->second;
 }
 
-Frame* Scheduler::frame_of(const TaskRef& task) {
+Scheduler::Place Scheduler::place_of(const TaskRef& task) {
   Job* job = job_of(task.job);
-  return job && static_cast<size_t>(task.frame) < job->frames.size() ? &job->frames[static_cast<size_t>(task.frame)] : nullptr;
+  if (!job || static_cast<size_t>(task.frame) >= job->frames.size()) return {};
+  Frame& frame = job->frames[static_cast<size_t>(task.frame)];
+  return task.number < frame.tasks.size() ? Place{job, &frame} : Place{};
 }
 
-Task* Scheduler::task_of(const TaskRef& task) {
-  Frame* frame = frame_of(task);
-  return frame && static_cast<size_t>(task.number) < frame->tasks.size() ? &frame->tasks[static_cast<size_t>(task.number)] : nullptr;
+ActiveTask* Scheduler::open_task(const TaskRef& task) {
+  const Place place = place_of(task);
+  return place && place.frame->state(task.number) == TaskState::Open ? &place.frame->active[task.number] : nullptr;
 }
 
-void Scheduler::log(const std::string& job, EventKind kind, std::optional<uint64_t> frame, const std::string& task,
+void Scheduler::log(const std::string& id, EventKind kind, std::optional<uint64_t> frame, const std::string& task,
                     const std::string& worker, const std::string& message) {
-  actions_.push_back(action::LogEvent{job, {0, 0, kind, frame, task, worker, message}});
+  if (Job* job = job_of(id)) actions_.push_back(action::LogEvent{id, {++job->row.last_event, 0, kind, frame, task, worker, message}});
 }
 
-std::vector<Action> Scheduler::take_actions() { return std::exchange(actions_, {}); }
+std::vector<Action> Scheduler::take_actions() {
+  // Last, so that all that belongs to the end comes before.
+  for (const std::string& id : std::exchange(ended_, {}))
+    if (const Job* job = find(id); job && has_ended(job->row.state)) actions_.push_back(action::ReleaseJob{id});
+  return std::exchange(actions_, {});
+}
 
-void Scheduler::append_tasks(Frame& frame, const std::vector<TaskArea>& areas) {
-  for (const TaskArea& area : areas) {
-    Task task;
-    task.area = area;
-    frame.tasks.push_back(std::move(task));
-    ++frame.unsettled;
-    frame.samples_total += area.samples();
+void Scheduler::save_job(const Job& job) { actions_.push_back(action::SaveJob{job.spec.id, job.spec, job.row}); }
+
+void Scheduler::save_frame(const Job& job, const Frame& frame) {
+  actions_.push_back(action::SaveFrame{job.spec.id, static_cast<int>(&frame - job.frames.data()), frame.row});
+}
+
+/// Puts the job where its turn is, or takes it out when there is nothing to lease.
+void Scheduler::take_turn(Job& job) {
+  const auto old = turns_.find(job.spec.id);
+  const bool runnable = !has_ended(job.row.state) && !job.row.paused && !job.ready.empty();
+  if (old != turns_.end()) {
+    if (runnable && old->second.served == job.served) return;
+    runnable_.erase(old->second);
+    turns_.erase(old);
   }
+  if (!runnable) return;
+  const Turn turn{job.spec.priority, job.served, job.spec.id};
+  turns_.emplace(job.spec.id, turn);
+  runnable_.insert(turn);
 }
 
-void Scheduler::append_round(Job& job, Frame& frame, SampleRange round) {
-  append_tasks(frame, task_list(frame.spec.header.bounds, job.spec.tile_size, round, job.spec.range_length));
+/// The frame may have something to lease.
+void Scheduler::set_ready(Job& job, const Frame& frame) {
+  job.ready.insert(static_cast<size_t>(&frame - job.frames.data()));
+  take_turn(job);
 }
 
-void Scheduler::append_pass(Job& job, Frame& frame, size_t pass) {
-  append_tasks(frame, pass_tasks(frame.planned_map(pass, job.spec.samples()), frame.row.passes[pass], job.spec.tile_size));
-}
-
-void Scheduler::add_job(const JobSpec& spec) {
-  Job& job = jobs_[spec.id];
-  job.spec = spec;
+Job& Scheduler::insert(Job added) {
+  Job& job = jobs_.emplace(added.spec.id, std::move(added)).first->second;
   // A newcomer shares from now on; it does not catch up on what others got before.
   bool any = false;
   for (const auto& [id, other] : jobs_) {
-    if (&other == &job || has_ended(other.row.state) || other.spec.priority != spec.priority) continue;
+    if (&other == &job || has_ended(other.row.state) || other.spec.priority != job.spec.priority) continue;
     job.served = any ? std::min(job.served, other.served) : other.served;
     any = true;
   }
-  for (const FrameSpec& frame_spec : spec.frames) {
-    Frame& frame = job.frames.emplace_back();
-    frame.spec = frame_spec;
-    for (const SampleRange round : spec.rounds) append_round(job, frame, round);
-  }
+  return job;
 }
 
-void Scheduler::add_parts(Frame& frame, int64_t number, int64_t first_part) {
-  const std::vector<TaskArea> parts = split_task(frame.tasks[static_cast<size_t>(number)].area);
-  for (const TaskArea& area : parts) {
-    Task part;
-    part.area = area;
-    part.parent = number;
-    frame.tasks.push_back(std::move(part));
-  }
-  Task& task = frame.tasks[static_cast<size_t>(number)];
-  task.state = TaskState::Split;
-  task.first_part = first_part;
-  frame.unsettled += static_cast<int64_t>(parts.size()) - 1;
-  ++frame.splits;
+void Scheduler::add_job(Job added) {
+  const std::string id = added.spec.id;
+  Job& job = insert(std::move(added));
+  for (const Frame& frame : job.frames) job.ready.insert(job.ready.end(), static_cast<size_t>(&frame - job.frames.data()));
+  take_turn(job);
+  log(id, EventKind::Submitted, {}, "", "", job.spec.name);
 }
 
-void Scheduler::restore_tasks(Job& job, Frame& frame, const std::vector<SettledTask>& settled) {
-  // Task numbers were given in order of time: rounds and splits interleave as the numbers of the first parts say.
-  std::vector<const SettledTask*> splits;
-  for (const SettledTask& row : settled)
-    if (row.state == TaskState::Split) splits.push_back(&row);
-  std::sort(splits.begin(), splits.end(), [](const SettledTask* a, const SettledTask* b) { return a->first_part < b->first_part; });
-  size_t next = 0;
-  const auto take_splits = [&] {
-    for (; next < splits.size() && splits[next]->first_part == static_cast<int64_t>(frame.tasks.size()); ++next)
-      add_parts(frame, splits[next]->number, splits[next]->first_part);
-  };
-  for (const SampleRange round : job.spec.rounds) {
-    append_round(job, frame, round);
-    take_splits();
-  }
-  for (size_t pass = 0; pass < frame.row.passes.size(); ++pass) {
-    append_pass(job, frame, pass);
-    take_splits();
-  }
-  for (const SettledTask& row : settled) {
-    if (static_cast<size_t>(row.number) >= frame.tasks.size() || row.state == TaskState::Split) continue;
-    Task& task = frame.tasks[static_cast<size_t>(row.number)];
-    task.state = row.state;
-    task.error = row.error;
-    --frame.unsettled;
-    if (row.state == TaskState::Done)
-      frame.add_result(row.number, row.result, row.reused);
-    else
-      ++frame.given_up;
-  }
-}
-
-void Scheduler::recover_job(const RecoveredJob& recovered, const std::vector<LeaseRow>& leases, Time now) {
-  Job& job = jobs_[recovered.spec.id];
-  job.spec = recovered.spec;
-  job.row = recovered.row;
-  std::vector<std::vector<SettledTask>> settled(recovered.frames.size());
-  for (const SettledTask& row : recovered.settled) settled.at(static_cast<size_t>(row.frame)).push_back(row);
-  for (size_t i = 0; i < recovered.spec.frames.size(); ++i) {
-    Frame& frame = job.frames.emplace_back();
-    frame.spec = recovered.spec.frames[i];
-    frame.row = recovered.frames[i];
-    restore_tasks(job, frame, settled[i]);
+void Scheduler::recover_job(Job recovered, const std::vector<LeaseRow>& leases, Time now) {
+  const std::string id = recovered.spec.id;
+  Job& job = insert(std::move(recovered));
+  if (job.row.last_event == 0) log(id, EventKind::Submitted, {}, "", "", job.spec.name);
+  for (const Frame& frame : job.frames) {
     job.leased_ever = job.leased_ever || frame.row.pinned;
+    if (frame.unsettled > 0 && !has_ended(frame.row.state)) set_ready(job, frame);
   }
   for (const LeaseRow& row : leases) {
-    if (row.task.job != job.spec.id || has_ended(job.row.state)) continue;
-    Task* task = task_of(row.task);
-    if (!task || task->state != TaskState::Open) {
+    if (has_ended(job.row.state)) continue;
+    ActiveTask* task = open_task(row.task);
+    if (!task) {
       actions_.push_back(action::DropLease{row.lease_id});
       continue;
     }
@@ -192,6 +113,7 @@ void Scheduler::recover_job(const RecoveredJob& recovered, const std::vector<Lea
     task->leases.push_back(lease.id);
     task->epoch = std::max(task->epoch, lease.epoch);
     workers_[row.worker_id].leases.insert(lease.id);
+    job.leases.insert(lease.id);
     leases_.emplace(lease.id, lease);
   }
   for (size_t i = 0; i < job.frames.size(); ++i) {
@@ -199,13 +121,29 @@ void Scheduler::recover_job(const RecoveredJob& recovered, const std::vector<Lea
     Frame& frame = job.frames[i];
     if (frame.row.state == FrameState::Assembling && frame.unsettled > 0) {
       // Its time was over before the restart.
-      actions_.push_back(action::AssembleFrame{job.spec.id, static_cast<int>(i)});
+      actions_.push_back(action::AssembleFrame{id, static_cast<int>(i)});
       continue;
     }
-    // A crash may have come before the results of the pass were looked up.
-    if (!frame.row.passes.empty() && frame.row.pinned && frame.unsettled > 0 && !has_ended(frame.row.state)) look_up(job, frame);
+    // A crash may have come before the results of the pass were looked up. Other frames ask when it is their turn.
+    if (!frame.row.passes.empty()) look_ahead(job, frame);
   }
   update_job(job);
+}
+
+std::optional<Job> Scheduler::release(const std::string& id) {
+  const auto it = jobs_.find(id);
+  if (it == jobs_.end() || !has_ended(it->second.row.state) || !it->second.leases.empty()) return std::nullopt;
+  for (const Frame& frame : it->second.frames)
+    if (frame.pin_pending || frame.looking_up > frame.looked_up || frame.any_committing()) return std::nullopt;
+  it->second.ready.clear();
+  take_turn(it->second);
+  std::optional<Job> job(std::move(it->second));
+  jobs_.erase(it);
+  return job;
+}
+
+void Scheduler::release_if_ended(const std::string& id) {
+  if (const Job* job = find(id); job && has_ended(job->row.state)) ended_.push_back(id);
 }
 
 bool Scheduler::cancel(const std::string& id) {
@@ -215,10 +153,9 @@ bool Scheduler::cancel(const std::string& id) {
     if (has_ended(frame.row.state)) continue;
     frame.deciding = false;
     frame.row.state = FrameState::Cancelled;
-    for (Task& task : frame.tasks)
-      while (!task.leases.empty()) end_lease(task.leases.back(), CancelReason::JobEnded);
+    end_leases(frame, CancelReason::JobEnded);
+    save_frame(*job, frame);
   }
-  for (size_t i = 0; i < job->frames.size(); ++i) actions_.push_back(action::SaveFrame{id, static_cast<int>(i)});
   set_state(*job, JobState::Cancelled, "cancelled by a user");
   return true;
 }
@@ -228,13 +165,9 @@ bool Scheduler::set_paused(const std::string& id, bool paused) {
   if (!job || has_ended(job->row.state)) return false;
   if (job->row.paused == paused) return true;
   job->row.paused = paused;
-  actions_.push_back(action::SaveJob{id});
+  save_job(*job);
   update_job(*job);
   return true;
-}
-
-bool can_be_extended(const Job& job) {
-  return job.row.state != JobState::Cancelled && (job.row.state != JobState::Failed || job.spec.out_of_time());
 }
 
 /// Renders on a frame that had ended, or is being merged.
@@ -242,7 +175,7 @@ void Scheduler::wake_frame(Job& job, int index) {
   Frame& frame = job.frames[static_cast<size_t>(index)];
   if (frame.row.state == FrameState::Failed) {
     frame.retry.clear();
-    for (Task& task : frame.tasks) task.retry = false;
+    for (auto& [number, task] : frame.active) task.retry = false;
     frame.next_fresh = 0;
     frame.scene_failures.clear();
   }
@@ -250,7 +183,8 @@ void Scheduler::wake_frame(Job& job, int index) {
   frame.deciding = false;
   frame.row.state = FrameState::Running;
   frame.row.reason.clear();
-  actions_.push_back(action::SaveFrame{job.spec.id, index});
+  save_frame(job, frame);
+  set_ready(job, frame);
 }
 
 bool Scheduler::extend(const std::string& id, int64_t samples) {
@@ -264,10 +198,10 @@ bool Scheduler::extend(const std::string& id, int64_t samples) {
   for (size_t i = 0; i < job->frames.size(); ++i) {
     Frame& frame = job->frames[i];
     const bool idle = frame.unsettled == 0;
-    append_round(*job, frame, round);
+    frame.append_round(job->spec, round);
     wake_frame(*job, static_cast<int>(i));
-    // What is looked up may not be rendered and committed meanwhile, so a frame that is at work does not ask.
-    if (frame.row.pinned && idle) look_up(*job, frame);
+    // A frame that is at work asks when it comes to these tasks.
+    if (idle) look_ahead(*job, frame);
   }
   job->first_unfinished = 0;
   log(id, EventKind::Extended, {}, "", "", "extended to " + std::to_string(samples) + " samples per pixel");
@@ -282,13 +216,14 @@ void Scheduler::set_state(Job& job, JobState state, const std::string& reason) {
   const bool changed = job.row.state != state;
   job.row.state = state;
   job.row.reason = reason;
-  actions_.push_back(action::SaveJob{job.spec.id});
+  save_job(job);
+  if (has_ended(state)) ended_.push_back(job.spec.id);
   if (changed) log(job.spec.id, EventKind::StateChanged, {}, "", "", std::string(to_string(state)) + (reason.empty() ? "" : ": " + reason));
 }
 
 /// The job's state follows from its frames'.
 void Scheduler::update_job(Job& job) {
-  if (job.row.state == JobState::Cancelled) return;
+  if (job.row.state == JobState::Cancelled) return take_turn(job);
   size_t ended = 0, assembling = 0, partial = 0, failed = 0;
   std::string reason;
   for (const Frame& frame : job.frames) {
@@ -310,6 +245,7 @@ void Scheduler::update_job(Job& job) {
   } else {
     set_state(job, job.leased_ever ? JobState::Running : JobState::Queued, "");
   }
+  take_turn(job);
 }
 
 /// Begins to assemble a frame whose last task is settled.
@@ -317,9 +253,8 @@ void Scheduler::check_frame(Job& job, int index) {
   Frame& frame = job.frames[static_cast<size_t>(index)];
   if (has_ended(frame.row.state) || frame.unsettled > 0) return;
   if (frame.done == 0) {
-    const auto last = std::find_if(frame.tasks.begin(), frame.tasks.end(), [](const Task& t) { return !t.error.empty(); });
     fail_frame(job, index,
-               "no task could be rendered; the first error: " + (last == frame.tasks.end() ? std::string("none") : last->error));
+               "no task could be rendered; the first error: " + (frame.failures.empty() ? "none" : frame.failures.begin()->second.error));
     return;
   }
   if (job.spec.target)
@@ -336,11 +271,10 @@ void Scheduler::fail_frame(Job& job, int index, const std::string& reason) {
   frame.deciding = false;
   frame.row.state = FrameState::Failed;
   frame.row.reason = reason;
-  for (Task& task : frame.tasks)
-    while (!task.leases.empty()) end_lease(task.leases.back(), CancelReason::TaskSettled);
+  end_leases(frame, CancelReason::TaskSettled);
   frame.retry.clear();
   frame.next_fresh = frame.tasks.size();
-  actions_.push_back(action::SaveFrame{job.spec.id, index});
+  save_frame(job, frame);
   log(job.spec.id, EventKind::StateChanged, frame.spec.header.frame, "", "", "frame failed: " + reason);
   update_job(job);
 }
@@ -348,25 +282,6 @@ void Scheduler::fail_frame(Job& job, int index, const std::string& reason) {
 void Scheduler::frame_failed(const std::string& id, int index, const std::string& reason) {
   if (Job* job = job_of(id); job && !has_ended(job->row.state)) fail_frame(*job, index, reason);
 }
-
-namespace {
-
-/// The CPU time that the workers spent on the samples of each point.
-void add_times(const Frame& frame, Convergence& record) {
-  double earlier = 0;
-  for (const Task& task : frame.tasks) {
-    if (task.state != TaskState::Done) continue;
-    if (task.reused) {
-      earlier += static_cast<double>(task.area.samples());
-      continue;
-    }
-    for (ConvergencePoint& point : record.points)
-      if (task.area.range.end <= point.samples) point.cpu_seconds += 1e-9 * static_cast<double>(task.cpu_ns);
-  }
-  record.timed_from = std::llround(earlier / static_cast<double>(frame.spec.header.bounds.area()));
-}
-
-}  // namespace
 
 void Scheduler::frame_assembled(const std::string& id, int index, const std::string& digest, int64_t bytes,
                                 const FrameStatistics& statistics, const std::string& reason) {
@@ -379,44 +294,30 @@ void Scheduler::frame_assembled(const std::string& id, int index, const std::str
   frame.row.image_digest = digest;
   frame.row.image_bytes = bytes;
   frame.row.statistics = statistics;
-  add_times(frame, frame.row.statistics.convergence);
   frame.row.state = frame.given_up > 0 || statistics.missing_pixels > 0 ? FrameState::Partial : FrameState::Done;
   frame.row.reason = reason;
   if (frame.given_up > 0) frame.row.reason = std::to_string(frame.given_up) + " tasks could not be rendered by any worker";
-  actions_.push_back(action::SaveFrame{id, index});
+  save_frame(*job, frame);
   log(id, EventKind::FrameDone, frame.spec.header.frame, "", "", std::string("frame ") + to_string(frame.row.state));
   update_job(*job);
 }
 
-Progress Scheduler::progress(const Job&, const Frame& frame) const {
+Progress progress_of(const FrameCounts& counts) {
   Progress p;
-  p.tasks_done = frame.done;
-  p.tasks_failed = frame.given_up;
-  p.tasks_total = frame.unsettled + frame.done + frame.given_up;
-  p.samples_total = frame.samples_total;
-  p.samples_done = frame.samples_done;
-  p.worker_seconds = static_cast<double>(frame.cpu_ns) * 1e-9;
-  p.result_seconds = static_cast<double>(frame.result_cpu_ns) * 1e-9;
+  p.tasks_done = counts.done;
+  p.tasks_failed = counts.given_up;
+  p.tasks_total = counts.unsettled + counts.done + counts.given_up;
+  p.samples_total = counts.samples_total;
+  p.samples_done = counts.samples_done;
+  p.worker_seconds = static_cast<double>(counts.cpu_ns) * 1e-9;
+  p.result_seconds = static_cast<double>(counts.result_cpu_ns) * 1e-9;
   return p;
 }
 
 Progress Scheduler::progress(const Job& job, Time now) const {
-  Progress sum;
-  for (const Frame& frame : job.frames) {
-    const Progress p = progress(job, frame);
-    sum.tasks_done += p.tasks_done;
-    sum.tasks_failed += p.tasks_failed;
-    sum.tasks_total += p.tasks_total;
-    sum.samples_total += p.samples_total;
-    sum.samples_done += p.samples_done;
-    sum.worker_seconds += p.worker_seconds;
-    sum.result_seconds += p.result_seconds;
-  }
-  for (const auto& [id, lease] : leases_) {
-    if (lease.task.job != job.spec.id) continue;
-    ++sum.tasks_leased;
-    sum.samples_in_flight += lease.samples_done;
-  }
+  Progress sum = progress_of(summary_of(job).counts);
+  sum.tasks_leased = static_cast<int64_t>(job.leases.size());
+  for (const std::string& id : job.leases) sum.samples_in_flight = capped_sum(sum.samples_in_flight, leases_.at(id).samples_done);
   if (!has_ended(job.row.state) && !job.recent.empty()) {
     const Time window = std::max<Time>(now - job.recent.front().first, kSecond);
     int64_t samples = 0;

@@ -4,6 +4,12 @@
 #include "coordinator/scheduler.h"
 
 namespace woodcock::coordinator {
+namespace {
+
+/// Of a worker that is gone for so long nothing is remembered.
+constexpr Time kForgetWorker = 24 * 3600 * kSecond;
+
+}  // namespace
 
 bool Scheduler::fits(const Worker& worker, const Frame& frame) const {
   return !frame.row.pinned || (worker.last.build == frame.row.build && worker.last.arithmetic_class == frame.row.arithmetic_class);
@@ -44,20 +50,29 @@ void Scheduler::end_lease(const std::string& lease_id, std::optional<CancelReaso
   if (it == leases_.end()) return;
   const Lease lease = it->second;
   leases_.erase(it);
-  if (Task* task = task_of(lease.task)) std::erase(task->leases, lease.id);
+  if (Job* job = job_of(lease.task.job)) job->leases.erase(lease.id);
+  if (const Place place = place_of(lease.task))
+    if (ActiveTask* task = place.frame->find_active(lease.task.number)) std::erase(task->leases, lease.id);
   Worker& worker = workers_[lease.worker_id];
   worker.leases.erase(lease.id);
   if (tell_worker) worker.ended[lease.id] = *tell_worker;
   actions_.push_back(action::DropLease{lease.id});
 }
 
+void Scheduler::end_leases(Frame& frame, CancelReason reason) {
+  std::vector<std::string> all;
+  for (const auto& [number, task] : frame.active) all.insert(all.end(), task.leases.begin(), task.leases.end());
+  for (const std::string& id : all) end_lease(id, reason);
+}
+
 /// Puts an open task without attempts back into the queue.
 void Scheduler::requeue(const TaskRef& ref) {
-  Frame* frame = frame_of(ref);
-  Task* task = task_of(ref);
-  if (!task || task->state != TaskState::Open || !task->leases.empty() || task->retry) return;
+  ActiveTask* task = open_task(ref);
+  if (!task || !task->leases.empty() || task->retry) return;
+  const Place place = place_of(ref);
   task->retry = true;
-  frame->retry.insert(ref.number);
+  place.frame->retry.insert(ref.number);
+  set_ready(*place.job, *place.frame);
 }
 
 ReportStatus Scheduler::report(const WorkerReport& report, Time now) {
@@ -118,10 +133,11 @@ ReportStatus Scheduler::report(const WorkerReport& report, Time now) {
     if (worker.consecutive_failures >= 3)
       worker.next_grant = now + std::min<Time>(kSecond / 4 << std::min(worker.consecutive_failures - 3, 7), 30 * kSecond);
     if ((failure.cause == FailureCause::SceneError || failure.cause == FailureCause::SceneMismatch) && failure.scene_checked) {
-      Frame& frame = *frame_of(ref);
-      ++frame.scene_failures[report.worker_id];
-      if (scene_is_bad(frame, now))
-        fail_frame(*job_of(ref.job), ref.frame, why);
+      const Place place = place_of(ref);
+      if (!place) continue;
+      ++place.frame->scene_failures[report.worker_id];
+      if (scene_is_bad(*place.frame, now))
+        fail_frame(*place.job, ref.frame, why);
       else
         ask_another(ref, report.worker_id, why);
       continue;
@@ -145,11 +161,14 @@ ReportStatus Scheduler::report(const WorkerReport& report, Time now) {
 /// A lease of an earlier leader that was lost with it: it lives on if nobody else has the task.
 bool Scheduler::adopt(const LeaseReport& report, const std::string& worker_id, Worker& worker, Time now) {
   const std::optional<TaskRef> ref = parse_task_id(report.task_id);
-  Task* task = ref ? task_of(*ref) : nullptr;
-  if (!task || task->state != TaskState::Open || !task->leases.empty() || leases_.contains(report.lease_id)) return false;
-  const Frame& frame = *frame_of(*ref);
+  const Place place = ref ? place_of(*ref) : Place{};
+  if (!place || place.frame->state(ref->number) != TaskState::Open || leases_.contains(report.lease_id)) return false;
+  Frame& frame = *place.frame;
   if (!frame.being_rendered() || !frame.row.pinned || !fits(worker, frame)) return false;
-  if (report.epoch <= task->epoch || report.epoch >> 32 >= options_.leader_term) return false;
+  const ActiveTask* known = frame.find_active(ref->number);
+  if (known && (!known->leases.empty() || report.epoch <= known->epoch)) return false;
+  if (report.epoch >> 32 >= options_.leader_term) return false;
+  ActiveTask* task = &frame.active[ref->number];
   Lease lease;
   lease.id = report.lease_id;
   lease.task = *ref;
@@ -161,11 +180,10 @@ bool Scheduler::adopt(const LeaseReport& report, const std::string& worker_id, W
   lease.to_send = false;
   task->epoch = report.epoch;
   task->leases.push_back(lease.id);
-  if (task->retry) {
-    frame_of(*ref)->retry.erase(ref->number);
-    task->retry = false;
-  }
+  frame.retry.erase(ref->number);
+  task->retry = false;
   worker.leases.insert(lease.id);
+  place.job->leases.insert(lease.id);
   actions_.push_back(action::SaveLease{{lease.id, *ref, worker_id, lease.epoch}});
   leases_.emplace(lease.id, lease);
   return true;
@@ -184,16 +202,20 @@ void Scheduler::tick(Time now) {
     const Lease lease = it->second;
     end_lease(id, CancelReason::LeaseExpired);
     log(lease.task.job, EventKind::LeaseExpired, {}, to_string(lease.task), lease.worker_id, "no progress within the lease");
-    Task* task = task_of(lease.task);
-    if (!task || task->state != TaskState::Open) continue;
+    ActiveTask* task = open_task(lease.task);
+    if (!task) continue;
     // One expiry says nothing about the task: machines go away. A task whose leases expire again and again does.
     task_failed(lease.task, lease.worker_id, "lease expired", ++task->expirations >= options_.poison_workers, now);
   }
+  std::erase_if(workers_, [&](const auto& entry) {
+    const Worker& worker = entry.second;
+    return worker.leases.empty() && worker.last_seen > 0 && now - worker.last_seen > kForgetWorker;
+  });
   for (auto& [id, job] : jobs_)
     while (!job.recent.empty() && now - job.recent.front().first > 60 * kSecond && job.recent.size() > 1) job.recent.pop_front();
 }
 
-bool Scheduler::may_take(const std::string& worker_id, const Frame& frame, const Task& task, Time now) const {
+bool Scheduler::may_take(const std::string& worker_id, const Frame& frame, const ActiveTask& task, Time now) const {
   if (std::find(task.failed_workers.begin(), task.failed_workers.end(), worker_id) == task.failed_workers.end()) return true;
   // It failed here: again only if nobody else could take it.
   return std::none_of(workers_.begin(), workers_.end(), [&](const auto& w) {
@@ -202,58 +224,101 @@ bool Scheduler::may_take(const std::string& worker_id, const Frame& frame, const
   });
 }
 
+namespace {
+
+/// Tasks whose results are looked for at once, and how many there are when the next are asked for.
+constexpr int64_t kLookUp = 2048, kLookUpAhead = 1024;
+
+}  // namespace
+
+/// Asks for results that are there already, for some tasks beyond those that are leased: rendering need not wait for the others. What is
+/// looked up may not be rendered and committed meanwhile.
+void Scheduler::look_ahead(Job& job, Frame& frame) {
+  const int64_t end = frame.tasks.size();
+  while (frame.looking_up <= frame.looked_up && frame.row.pinned && frame.being_rendered() && frame.looked_up < end &&
+         frame.looked_up - frame.next_fresh <= kLookUpAhead) {
+    action::FindResults find{job.spec.id, static_cast<int>(&frame - job.frames.data()), frame.pinned_header(), {}};
+    auto number = frame.tasks.next_open(frame.looked_up, end);
+    frame.looked_up = number.value_or(end);
+    frame.looking_up = std::min(frame.looked_up + kLookUp, end);
+    for (; number && *number < frame.looking_up; number = frame.tasks.next_open(*number + 1, frame.looking_up)) {
+      const ActiveTask* task = frame.find_active(*number);
+      if (!task || (task->leases.empty() && !task->committing)) find.tasks.emplace_back(*number, frame.tasks.area(*number));
+    }
+    if (find.tasks.empty())
+      frame.looked_up = frame.looking_up;
+    else
+      actions_.push_back(std::move(find));
+  }
+}
+
 std::optional<int64_t> Scheduler::next_task(const std::string& worker_id, Frame& frame, Time now) {
   for (const int64_t number : frame.retry)
-    if (may_take(worker_id, frame, frame.tasks[static_cast<size_t>(number)], now)) return number;
-  for (; frame.next_fresh < frame.tasks.size(); ++frame.next_fresh) {
-    const Task& task = frame.tasks[frame.next_fresh];
-    if (task.state == TaskState::Open && task.leases.empty() && !task.retry) return static_cast<int64_t>(frame.next_fresh);
+    if (may_take(worker_id, frame, frame.active.at(number), now)) return number;
+  while (const auto number = frame.tasks.next_open(frame.next_fresh, frame.looked_up)) {
+    frame.next_fresh = *number;
+    const ActiveTask* task = frame.find_active(*number);
+    if (!task || (task->leases.empty() && !task->retry && !task->committing)) return number;
+    ++frame.next_fresh;
   }
+  frame.next_fresh = std::max(frame.next_fresh, frame.looked_up);
   return std::nullopt;
 }
 
 std::optional<TaskRef> Scheduler::choose(const std::string& worker_id, const Worker& worker, Time now) {
-  std::vector<Job*> order;
-  for (auto& [id, job] : jobs_)
-    if (!has_ended(job.row.state) && !job.row.paused && job.first_unfinished < job.frames.size()) order.push_back(&job);
-  std::stable_sort(order.begin(), order.end(), [](const Job* a, const Job* b) {
-    return a->spec.priority != b->spec.priority ? a->spec.priority > b->spec.priority : a->served < b->served;
-  });
-  for (Job* job : order) {
+  std::vector<Job*> without;
+  std::optional<TaskRef> chosen;
+  for (const Turn& turn : runnable_) {
+    Job& job = jobs_.at(turn.job);
     std::optional<size_t> to_pin;
-    bool pinning = false;
-    for (size_t i = job->first_unfinished; i < job->frames.size(); ++i) {
-      Frame& frame = job->frames[i];
-      if (!frame.being_rendered() || frame.unsettled == 0) continue;
-      pinning = pinning || frame.pin_pending;
-      if (frame.pin_pending || !fits(worker, frame)) continue;
+    bool waits = false;
+    for (auto it = job.ready.begin(); it != job.ready.end() && !chosen;) {
+      Frame& frame = job.frames[*it];
+      const bool fits_here = !frame.pin_pending && fits(worker, frame);
+      if (frame.being_rendered() && fits_here && frame.row.pinned) look_ahead(job, frame);
+      const bool used_up = frame.row.pinned && frame.retry.empty() && frame.next_fresh >= frame.tasks.size();
+      if (!frame.being_rendered() || frame.unsettled == 0 || used_up) {
+        it = job.ready.erase(it);
+        continue;
+      }
+      const size_t index = *it++;
+      waits = waits || frame.pin_pending;
+      if (!fits_here) continue;
       if (!frame.row.pinned) {
-        if (!to_pin) to_pin = i;
+        if (!to_pin) to_pin = index;
         continue;
       }
       if (const std::optional<int64_t> number = next_task(worker_id, frame, now))
-        return TaskRef{job->spec.id, static_cast<int>(i), *number};
+        chosen = TaskRef{job.spec.id, static_cast<int>(index), *number};
+      else
+        waits = waits || frame.looking_up > frame.looked_up;
     }
-    if (to_pin && !pinning) {
-      job->frames[*to_pin].pin_pending = true;
-      actions_.push_back(action::PinFrame{job->spec.id, static_cast<int>(*to_pin), worker.last.build, worker.last.arithmetic_class});
+    if (chosen) break;
+    if (to_pin && !waits) {
+      Frame& frame = job.frames[*to_pin];
+      frame.pin_pending = true;
+      action::PinFrame pin{job.spec.id, static_cast<int>(*to_pin), frame.row};
+      pin.row.pinned = true;
+      pin.row.build = worker.last.build;
+      pin.row.arithmetic_class = worker.last.arithmetic_class;
+      actions_.push_back(std::move(pin));
     }
-    // While a frame is being pinned its job waits rather than lose its turn.
-    if (to_pin || pinning) return std::nullopt;
+    // While a frame is being pinned, or its results looked up, its job waits rather than lose its turn.
+    if (to_pin || waits) break;
+    if (job.ready.empty()) without.push_back(&job);
   }
-  return std::nullopt;
+  for (Job* job : without) take_turn(*job);
+  return chosen;
 }
 
-std::optional<TaskRef> Scheduler::choose_copy(const std::string& worker_id, const Worker& worker, Time now) const {
-  const Lease* best = nullptr;
+/// Leases that are worth a copy: the only one of their task, and older than twice what its frame's tasks take.
+void Scheduler::find_stragglers(Time now) {
+  stragglers_found_ = now;
+  std::vector<const Lease*> found;
   for (const auto& [id, lease] : leases_) {
-    if (lease.worker_id == worker_id) continue;
-    const auto job = jobs_.find(lease.task.job);
-    if (job == jobs_.end() || job->second.row.paused) continue;
-    const Frame& frame = job->second.frames[static_cast<size_t>(lease.task.frame)];
-    const Task& task = frame.tasks[static_cast<size_t>(lease.task.number)];
-    if (task.state != TaskState::Open || task.leases.size() != 1 || !fits(worker, frame)) continue;
-    if (std::find(task.failed_workers.begin(), task.failed_workers.end(), worker_id) != task.failed_workers.end()) continue;
+    const Place place = place_of(lease.task);
+    if (!place) continue;
+    const Frame& frame = *place.frame;
     Time patience = options_.copy_queued_after;
     if (lease.phase > 1) {
       std::vector<int64_t> durations(frame.durations.begin(), frame.durations.end());
@@ -263,16 +328,37 @@ std::optional<TaskRef> Scheduler::choose_copy(const std::string& worker_id, cons
         patience = std::max(patience, 2 * durations[durations.size() / 2]);
       }
     }
-    if (now - lease.granted < patience) continue;
-    if (!best || lease.granted < best->granted || (lease.granted == best->granted && lease.id < best->id)) best = &lease;
+    if (now - lease.granted >= patience) found.push_back(&lease);
   }
-  return best ? std::optional<TaskRef>(best->task) : std::nullopt;
+  std::sort(found.begin(), found.end(),
+            [](const Lease* a, const Lease* b) { return a->granted != b->granted ? a->granted < b->granted : a->id < b->id; });
+  stragglers_.clear();
+  for (const Lease* lease : found) stragglers_.push_back(lease->id);
+}
+
+std::optional<TaskRef> Scheduler::choose_copy(const std::string& worker_id, const Worker& worker, Time now) {
+  // Idle workers ask with every change of anything: once a second is often enough to look at all leases.
+  if (now - stragglers_found_ >= kSecond) find_stragglers(now);
+  for (const std::string& id : stragglers_) {
+    const auto it = leases_.find(id);
+    if (it == leases_.end() || it->second.worker_id == worker_id) continue;
+    const Lease& lease = it->second;
+    const Place place = place_of(lease.task);
+    if (!place || place.job->row.paused || place.frame->state(lease.task.number) != TaskState::Open || !fits(worker, *place.frame))
+      continue;
+    const ActiveTask* task = place.frame->find_active(lease.task.number);
+    if (!task || task->leases.size() != 1) continue;
+    if (std::find(task->failed_workers.begin(), task->failed_workers.end(), worker_id) != task->failed_workers.end()) continue;
+    return lease.task;
+  }
+  return std::nullopt;
 }
 
 void Scheduler::lease(const TaskRef& ref, const std::string& worker_id, Worker& worker, Time now) {
-  Job& job = *job_of(ref.job);
-  Frame& frame = *frame_of(ref);
-  Task& task = *task_of(ref);
+  const Place place = place_of(ref);
+  Job& job = *place.job;
+  Frame& frame = *place.frame;
+  ActiveTask& task = frame.active[ref.number];
   Lease lease;
   lease.epoch = options_.leader_term << 32 | ++next_epoch_;
   lease.id = "L" + std::to_string(options_.leader_term) + "-" + std::to_string(next_epoch_);
@@ -283,12 +369,12 @@ void Scheduler::lease(const TaskRef& ref, const std::string& worker_id, Worker& 
   const bool copy = !task.leases.empty();
   task.epoch = lease.epoch;
   task.leases.push_back(lease.id);
-  if (task.retry) {
-    frame.retry.erase(ref.number);
-    task.retry = false;
-  }
+  frame.retry.erase(ref.number);
+  task.retry = false;
   worker.leases.insert(lease.id);
-  job.served += static_cast<double>(task.area.samples());
+  job.leases.insert(lease.id);
+  job.served += static_cast<double>(frame.tasks.area(ref.number).samples());
+  take_turn(job);
   actions_.push_back(action::SaveLease{{lease.id, ref, worker_id, lease.epoch}});
   log(ref.job, copy ? EventKind::StragglerCopied : EventKind::LeaseGranted, frame.spec.header.frame, to_string(ref), worker_id, "");
   leases_.emplace(lease.id, std::move(lease));
@@ -333,9 +419,9 @@ Answer Scheduler::answer(const std::string& worker_id, Time now) {
     Lease& lease = leases_.at(id);
     if (!lease.to_send) continue;
     lease.to_send = false;
-    const Frame& frame = *frame_of(lease.task);
-    const Task& task = *task_of(lease.task);
-    answer.grants.push_back({id, lease.epoch, lease.task, task.area, result_key(frame.pinned_header(), task.area.rect, task.area.range)});
+    const Frame& frame = *place_of(lease.task).frame;
+    const TaskArea area = frame.tasks.area(lease.task.number);
+    answer.grants.push_back({id, lease.epoch, lease.task, area, result_key(frame.pinned_header(), area.rect, area.range)});
   }
   return answer;
 }

@@ -13,19 +13,17 @@ bool Scheduler::nobody_fits(const Frame& frame, Time now) const {
 /// The frame as it was submitted: tiles of two builds never make one picture. False while something of it is under way.
 bool Scheduler::start_again(Job& job, int index) {
   Frame& frame = job.frames[static_cast<size_t>(index)];
-  if (frame.pin_pending ||
-      std::any_of(frame.tasks.begin(), frame.tasks.end(), [](const Task& t) { return t.state == TaskState::Committing; }))
-    return false;
-  for (Task& task : frame.tasks)
-    while (!task.leases.empty()) end_lease(task.leases.back(), CancelReason::TaskSettled);
+  if (frame.pin_pending || frame.looking_up > frame.looked_up || frame.any_committing()) return false;
+  end_leases(frame, CancelReason::TaskSettled);
   const std::string build = frame.row.build;
   Frame fresh;
   fresh.spec = frame.spec;
   fresh.revision = frame.revision + 1;
   frame = std::move(fresh);
-  for (const SampleRange round : job.spec.rounds) append_round(job, frame, round);
+  lay_out(job.spec, frame, {});
   job.first_unfinished = 0;
-  actions_.push_back(action::ResetFrame{job.spec.id, index});
+  set_ready(job, frame);
+  actions_.push_back(action::ResetFrame{job.spec.id, index, frame.row});
   log(job.spec.id, EventKind::StateChanged, frame.spec.header.frame, "", "",
       "frame " + std::to_string(frame.spec.header.frame) + " starts again: no connected worker has build " + build);
   update_job(job);

@@ -9,12 +9,13 @@
 #include <chrono>
 #include <stdexcept>
 
+#include "coordinator/malformed_requests.h"
 #include "rpc/limits.h"
 
 namespace woodcock::coordinator {
 
 CoordinatorServer::CoordinatorServer(Coordinator& coordinator, const std::string& listen)
-    : coordinator_(coordinator), jobs_(coordinator), blobs_(coordinator), workers_(coordinator), listener_(listen) {
+    : coordinator_(coordinator), jobs_(coordinator), blobs_(coordinator), scenes_(coordinator), workers_(coordinator), listener_(listen) {
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
@@ -22,6 +23,7 @@ CoordinatorServer::CoordinatorServer(Coordinator& coordinator, const std::string
                                                                    grpc::InsecureServerCredentials());
   builder.RegisterService(&jobs_);
   builder.RegisterService(&blobs_);
+  builder.RegisterService(&scenes_);
   builder.RegisterService(&workers_);
   builder.SetMaxReceiveMessageSize(rpc::kMaxMessageBytes);
   builder.SetMaxSendMessageSize(rpc::kMaxMessageBytes);
@@ -37,6 +39,7 @@ CoordinatorServer::CoordinatorServer(Coordinator& coordinator, const std::string
   quota.Resize(size_t{1} << 30);
   quota.SetMaxThreads(256);
   builder.SetResourceQuota(quota);
+  explain_malformed_requests(builder);
   server_ = builder.BuildAndStart();
   if (!server_) throw std::runtime_error("gRPC cannot serve on " + listen);
   listener_.start([this](int descriptor) {

@@ -27,6 +27,7 @@ class CoordinatorServer {
   Coordinator& coordinator_;
   JobsService jobs_;
   BlobsService blobs_;
+  ScenesService scenes_;
   WorkersService workers_;
   Listener listener_;
   std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor_;

@@ -2,15 +2,14 @@
 // thread each; jobs and blobs by a bounded pool of threads.
 #pragma once
 
-#include <condition_variable>
-#include <map>
-#include <mutex>
-#include <thread>
+#include <atomic>
 
 #include "coordinator/coordinator.h"
+#include "coordinator/stream_places.h"
 #include "coordinator/watchers.h"
 #include "woodcock/v1/blobs_service.grpc.pb.h"
 #include "woodcock/v1/jobs_service.grpc.pb.h"
+#include "woodcock/v1/scenes_service.grpc.pb.h"
 #include "woodcock/v1/workers_service.grpc.pb.h"
 
 namespace woodcock::coordinator {
@@ -32,38 +31,6 @@ class Admission {
 
  private:
   std::atomic<int> free_;
-};
-
-/// Cancels streams on which nothing moves: a thread of the pool must not wait for a peer for ever.
-class StallGuard {
- public:
-  explicit StallGuard(std::chrono::milliseconds limit);
-  ~StallGuard();
-  class Watch {
-   public:
-    Watch(StallGuard& guard, grpc::ServerContext& context);
-    ~Watch();
-    Watch(const Watch&) = delete;
-    Watch& operator=(const Watch&) = delete;
-    void moved();
-    /// The guard has cancelled the call.
-    bool stalled() const { return stalled_; }
-
-   private:
-    friend class StallGuard;
-    StallGuard& guard_;
-    grpc::ServerContext& context_;
-    std::atomic<std::chrono::steady_clock::rep> last_;
-    std::atomic<bool> stalled_{false};
-  };
-
- private:
-  const std::chrono::milliseconds limit_;
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  std::set<Watch*> watches_;  // guarded by mutex_
-  bool stopping_ = false;     // guarded by mutex_
-  std::thread thread_;
 };
 
 class JobsService final : public v1::JobsService::WithCallbackMethod_WatchJob<v1::JobsService::Service> {
@@ -95,16 +62,29 @@ class JobsService final : public v1::JobsService::WithCallbackMethod_WatchJob<v1
 
 class BlobsService final : public v1::BlobsService::Service {
  public:
-  explicit BlobsService(Coordinator& coordinator);
+  explicit BlobsService(Coordinator& coordinator, const StreamPlacesOptions& places = {});
   grpc::Status FindMissing(grpc::ServerContext*, const v1::FindMissingRequest*, v1::FindMissingResponse*) override;
   grpc::Status QueryUpload(grpc::ServerContext*, const v1::QueryUploadRequest*, v1::QueryUploadResponse*) override;
   grpc::Status Upload(grpc::ServerContext*, grpc::ServerReader<v1::UploadRequest>*, v1::UploadResponse*) override;
   grpc::Status Download(grpc::ServerContext*, const v1::DownloadRequest*, grpc::ServerWriter<v1::DownloadResponse>*) override;
 
  private:
+  /// May wait for who sends the same blob and does not move.
+  std::unique_ptr<BlobStore::Upload> begin_upload(const v1::UploadHeader& header);
+
   Coordinator& coordinator_;
-  Admission uploads_{64}, downloads_{64};
-  StallGuard guard_;
+  StreamPlaces uploads_, downloads_;
+};
+
+class ScenesService final : public v1::ScenesService::Service {
+ public:
+  explicit ScenesService(Coordinator& coordinator) : coordinator_(coordinator) {}
+  grpc::Status SubmitScene(grpc::ServerContext*, const v1::SubmitSceneRequest*, v1::SubmitSceneResponse*) override;
+  grpc::Status GetPicture(grpc::ServerContext*, const v1::GetPictureRequest*, v1::GetPictureResponse*) override;
+
+ private:
+  Coordinator& coordinator_;
+  Admission readers_{4}, pictures_{4};
 };
 
 class WorkersService final : public v1::WorkersService::CallbackService {

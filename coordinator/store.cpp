@@ -8,7 +8,7 @@
 #include <soci/sqlite3/soci-sqlite3.h>
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <random>
 #include <stdexcept>
@@ -64,11 +64,27 @@ const std::vector<std::vector<const char*>> kUpgrades{
      // Until now what an earlier job rendered was kept without its cost.
      "update settled set reused = 1 where state = 2 and cpu_ns = 0", "alter table results add column worker_id text not null default ''"},
     {"alter table leader add column cluster_id text not null default ''"},
+    // What has ended is shown from these, and found by them.
+    {"alter table jobs add column summary text not null default ''", "alter table frames add column counts text not null default ''",
+     "create index jobs_by_time on jobs (submitted_ms desc, job_id)", "create index jobs_running on jobs (submitted_ms) where state < 4",
+     "create index jobs_uncounted on jobs (job_id) where state >= 4 and summary = ''",
+     "create index settled_not_done on settled (job_id, frame, number) where state > 2"},
 };
+
+constexpr std::chrono::milliseconds kLongestBatch{20};
 
 [[noreturn]] void refuse(const std::string& message) { throw std::runtime_error(message); }
 
 }  // namespace
+
+void throw_on_if_the_database_failed() {
+  try {
+    throw;
+  } catch (const soci::soci_error&) {
+    throw;
+  } catch (...) {
+  }
+}
 
 std::string random_id() {
   std::random_device random;
@@ -131,7 +147,7 @@ Store::Store(const StoreOptions& options) : options_(options) {
     ::close(lock_fd_);
     throw;
   }
-  thread_ = std::thread([this] { run(); });
+  thread_ = std::thread([this] { work_off(); });
 }
 
 Store::~Store() {
@@ -150,10 +166,12 @@ void Store::stop() {
   thread_.join();
 }
 
-void Store::write(std::function<void(StoreSession&)> work, std::function<void()> done) {
+void Store::write(std::function<void(StoreSession&)> work, std::function<void()> done) { queue({std::move(work), std::move(done), true}); }
+
+void Store::queue(Operation operation) {
   {
     const std::lock_guard lock(mutex_);
-    queue_.push_back({std::move(work), std::move(done)});
+    queue_.push_back(std::move(operation));
     ++queued_;
   }
   wake_.notify_one();
@@ -186,17 +204,14 @@ size_t Store::backlog() const {
   return queue_.size();
 }
 
-void Store::run() {
+void Store::work_off() {
   for (;;) {
-    std::vector<Operation> batch;
     {
       std::unique_lock lock(mutex_);
       wake_.wait(lock, [&] { return stopping_ || !queue_.empty(); });
       if (queue_.empty()) return;
-      const size_t n = std::min(queue_.size(), options_.batch);
-      std::move(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(n), std::back_inserter(batch));
-      queue_.erase(queue_.begin(), queue_.begin() + static_cast<std::ptrdiff_t>(n));
     }
+    std::vector<Operation> batch;
     try {
       write_batch(batch);
       {
@@ -220,14 +235,28 @@ void Store::run() {
   }
 }
 
+/// Takes what waits, as much as is written within a moment: whoever reads waits for one batch, and its own.
 void Store::write_batch(std::vector<Operation>& batch) {
   soci::transaction transaction(*sql_);
-  const auto term = static_cast<long long>(term_.load());
-  soci::statement fence = (sql_->prepare << "update leader set term = term where id = 1 and term = :t", soci::use(term));
-  fence.execute(true);
-  if (fence.get_affected_rows() != 1) throw std::runtime_error("another coordinator took the leadership");
   StoreSession session(*sql_);
-  for (Operation& operation : batch) operation.work(session);
+  bool fenced = false;
+  const auto end = std::chrono::steady_clock::now() + kLongestBatch;
+  while (batch.size() < options_.batch && (batch.empty() || std::chrono::steady_clock::now() < end)) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (queue_.empty()) break;
+      batch.push_back(std::move(queue_.front()));
+      queue_.pop_front();
+    }
+    if (batch.back().changes && !fenced) {
+      const auto term = static_cast<long long>(term_.load());
+      soci::statement fence = (sql_->prepare << "update leader set term = term where id = 1 and term = :t", soci::use(term));
+      fence.execute(true);
+      if (fence.get_affected_rows() != 1) throw std::runtime_error("another coordinator took the leadership");
+      fenced = true;
+    }
+    batch.back().work(session);
+  }
   transaction.commit();
 }
 

@@ -5,16 +5,19 @@
 #include <atomic>
 #include <condition_variable>
 #include <deque>
+#include <exception>
 #include <functional>
 #include <future>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <thread>
+#include <type_traits>
 #include <vector>
 
-#include "coordinator/model.h"
+#include "coordinator/job.h"
 
 namespace soci {
 class session;
@@ -22,16 +25,54 @@ class session;
 
 namespace woodcock::coordinator {
 
+/// A new job in the form of its rows, which takes a while to make where it has many frames.
+struct NewJob {
+  explicit NewJob(const JobSpec& job);
+
+  JobSpec spec;
+  std::string settings;
+  std::vector<std::string> headers;  ///< of its frames
+};
+
+/// A job's row.
+struct StoredJob {
+  JobSpec spec;  ///< without frames
+  JobRow row;
+  std::optional<JobSummary> summary;  ///< of a job that has ended
+};
+
+/// Of a row: a text and two numbers, those that its table has.
+struct TableKey {
+  std::string text;
+  int64_t frame = -1, number = -1;
+};
+
 /// The statements, inside a transaction of the store's thread. SQL that SQLite and PostgreSQL both take.
 class StoreSession {
  public:
   explicit StoreSession(soci::session& sql) : sql_(sql) {}
 
-  /// Nothing when its request id is taken: then returns false.
-  bool insert_job(const JobSpec& spec);
-  /// Of the spec: rounds, target, time limit and quote, which alone may change.
-  void save_job(const JobSpec& spec, const JobRow& row);
+  // Jobs and frames.
+  /// Nothing when its id or request id is taken: then returns false.
+  bool insert_job(const NewJob& job);
+  bool insert_job(const JobSpec& job) { return insert_job(NewJob(job)); }
+  void save_job(const std::string& job_id, const JobAim& aim, const JobRow& row);
   void save_frame(const std::string& job_id, int frame, const FrameRow& row);
+  /// Of a job that has ended: what it shows.
+  void save_counts(const std::string& job_id, const JobSummary& summary, const std::vector<FrameCounts>& frames);
+  /// A job that has ended is counted anew when it is shown.
+  void forget_counts(const std::string& job_id);
+  std::optional<StoredJob> find_job(const std::string& job_id);
+  /// At most `limit` jobs, newest first, of one time by id: those after the job `after` of that time.
+  std::vector<StoredJob> list_jobs(int64_t submitted_ms, const std::string& after, int limit);
+  /// In the order of their submits.
+  std::vector<std::string> running_jobs();
+  /// Some that ended under an older program, or in a crash, or whose counts were forgotten.
+  std::vector<std::string> jobs_without_counts(int limit);
+  /// With its frames and, where they are kept, their counts; without tasks.
+  std::optional<Job> load_job(const std::string& job_id);
+
+  // Tasks.
   /// Forgets which of its tasks are settled, and how. Results stay.
   void reset_frame(const std::string& job_id, int frame);
   /// Compare-and-set: inserts the row of an open task and its result. False when the task is settled already, or is a part of
@@ -41,26 +82,34 @@ class StoreSession {
   /// The task is open again, its result forgotten.
   void reopen_task(const TaskRef& task, const std::string& result_key);
   std::optional<ResultRecord> find_result(const std::string& key);
-  std::optional<ResultRecord> result_of(const TaskRef& task);
-  /// Tiles of a frame: number and digest of each task done, by number.
-  std::vector<std::pair<int64_t, std::string>> tiles(const std::string& job_id, int frame);
+  std::optional<SettledTask> settled(const TaskRef& task);
+  /// At most `limit` that settled, in this state or in any, from a task on, by frame and number: of all frames, or of its own.
+  std::vector<SettledTask> settled_from(const TaskRef& from, std::optional<TaskState> state, bool one_frame, int limit);
+  /// Of all frames of a job.
+  std::vector<SplitRow> splits(const std::string& job_id);
   void add_attempt(const TaskRef& task, const AttemptRecord& attempt);
   std::vector<AttemptRecord> attempts(const TaskRef& task);
   void save_lease(const LeaseRow& lease);
   void drop_lease(const std::string& lease_id);
+  /// Number 0: the next one of the job.
   void append_event(const std::string& job_id, const JobEvent& event);
   std::vector<JobEvent> events(const std::string& job_id, int64_t after, int limit);
-  /// Digests of blobs that rows speak of: results, images, manifests (not the files the manifests list).
-  std::set<std::string> referenced_blobs();
+  /// At most `limit` rows of a table that name blobs, those whose key comes after `after`. Each gives its key and its digest.
+  enum class Table { Results, Settled, Frames };
+  std::vector<std::pair<TableKey, std::string>> digests(Table table, const TableKey& after, int limit);
   void set_term(uint64_t term);
   std::set<std::string> manifests();
 
-  std::vector<RecoveredJob> load_jobs();
   std::vector<LeaseRow> load_leases();
 
  private:
+  void load_failures(const Job& job, Frame& frame);
+
   soci::session& sql_;
 };
+
+/// Inside a catch block: throws the exception on when it is one of the database.
+void throw_on_if_the_database_failed();
 
 /// 32 random hexadecimal digits.
 std::string random_id();
@@ -91,20 +140,26 @@ class Store {
   /// Never blocks: callers look at backlog() before they accept new work.
   void write(std::function<void(StoreSession&)> work, std::function<void()> done = {});
   /// Runs `work` in its turn and waits for the result; what it saw is durable then.
+  /// An exception of `work` that is not the database's is the caller's.
   template <typename Work>
   auto read(Work work) {
-    using Result = decltype(work(std::declval<StoreSession&>()));
-    auto result = std::make_shared<std::optional<Result>>();
-    auto promise = std::make_shared<std::promise<Result>>();
-    auto future = promise->get_future();
-    write([result, work = std::move(work)](StoreSession& session) { result->emplace(work(session)); },
-          [result, promise] { promise->set_value(std::move(**result)); });
-    return future.get();
+    return run(std::move(work), true);
+  }
+  /// The same for `work` that changes nothing: alone in its turn it gives the disk nothing to do.
+  template <typename Work>
+  auto look(Work work) {
+    return run(std::move(work), false);
   }
   /// Waits until everything queued before is durable, without giving the disk more to do. Throws std::runtime_error when the
   /// database has failed. Not for the store's own thread, nor under a lock that a callback takes.
   void flush();
-  /// The same as an operation of its own.
+  /// Calls `use_row` for all that settled (see StoreSession::settled_from), read in pages so that others are served in between.
+  void each_settled(TaskRef from, std::optional<TaskState> state, bool one_frame, const std::function<void(const SettledTask&)>& use_row);
+  /// The digests of results and images that rows speak of, some more than once, in pages.
+  void each_digest(const std::function<void(const std::string&)>& use_digest);
+  /// Lays out the tasks of a job anew, and restores what is settled of them.
+  void load_tasks(Job& job);
+  /// The same as `flush`, as an operation of its own.
   void barrier() {
     read([](StoreSession&) { return true; });
   }
@@ -114,8 +169,32 @@ class Store {
   struct Operation {
     std::function<void(StoreSession&)> work;
     std::function<void()> done;
+    bool changes = true;
   };
-  void run();
+  template <typename Work, typename Result = std::invoke_result_t<Work&, StoreSession&>>
+  Result run(Work work, bool changes) {
+    struct Outcome {
+      std::optional<Result> result;
+      std::exception_ptr error;
+      std::promise<void> durable;
+    };
+    auto outcome = std::make_shared<Outcome>();
+    auto durable = outcome->durable.get_future();
+    queue({[outcome, work = std::move(work)](StoreSession& session) {
+             try {
+               outcome->result.emplace(work(session));
+             } catch (...) {
+               throw_on_if_the_database_failed();
+               outcome->error = std::current_exception();
+             }
+           },
+           [outcome] { outcome->durable.set_value(); }, changes});
+    durable.get();
+    if (outcome->error) std::rethrow_exception(outcome->error);
+    return std::move(*outcome->result);
+  }
+  void queue(Operation operation);
+  void work_off();
   void write_batch(std::vector<Operation>& batch);
 
   const StoreOptions options_;

@@ -1,107 +1,16 @@
-// The statements of the store.
+// The statements of the store: tasks, results, leases, events.
 #include <soci/soci.h>
 
-#include <google/protobuf/util/json_util.h>
-#include <nlohmann/json.hpp>
-
-#include <charconv>
-#include <map>
 #include <stdexcept>
 
 #include "coordinator/store.h"
-#include "rpc/convert.h"
-#include "woodcock/v1/settings.pb.h"
+#include "coordinator/store_sql.h"
 
 namespace woodcock::coordinator {
 namespace {
 
 using soci::into;
 using soci::use;
-using Integer = long long;  // SOCI's name for 64 bits on every platform
-
-std::string to_json(const google::protobuf::Message& message) {
-  std::string json;
-  google::protobuf::util::JsonPrintOptions options;
-  options.preserve_proto_field_names = true;
-  if (!google::protobuf::util::MessageToJsonString(message, &json, options).ok()) throw std::runtime_error("a message has no JSON form");
-  return json;
-}
-
-template <typename Message>
-Message from_json(const std::string& json) {
-  Message message;
-  google::protobuf::util::JsonParseOptions options;
-  options.ignore_unknown_fields = true;
-  if (!google::protobuf::util::JsonStringToMessage(json, &message, options).ok())
-    throw std::runtime_error("malformed JSON in the database: " + json);
-  return message;
-}
-
-std::string rounds_text(const std::vector<SampleRange>& rounds) {
-  std::string text;
-  for (const SampleRange& r : rounds) {
-    if (!text.empty()) text += ',';
-    text += std::to_string(r.end);
-  }
-  return text;
-}
-
-std::vector<SampleRange> parse_rounds(const std::string& text) {
-  std::vector<SampleRange> rounds;
-  int64_t begin = 0;
-  for (const char* p = text.data(); p < text.data() + text.size(); ++p) {
-    int64_t end = 0;
-    p = std::from_chars(p, text.data() + text.size(), end).ptr;
-    rounds.push_back({begin, end});
-    begin = end;
-  }
-  return rounds;
-}
-
-/// A job's target; empty for a job without.
-std::string target_text(const JobSpec& spec) {
-  if (!spec.target) return "";
-  nlohmann::json json{{"error", spec.target->error}, {"max_samples", spec.target->max_samples}};
-  if (spec.time_limit) json["time_limit"] = {{"seconds", spec.time_limit->seconds}, {"spent", spec.time_limit->spent}};
-  return json.dump();
-}
-
-void parse_target(const std::string& text, JobSpec& spec) {
-  if (text.empty()) return;
-  const nlohmann::json json = nlohmann::json::parse(text);
-  spec.target = SamplingTarget{json.at("error").get<double>(), json.at("max_samples").get<int64_t>()};
-  if (json.contains("time_limit"))
-    spec.time_limit = TimeLimit{json.at("time_limit").at("seconds").get<double>(), json.at("time_limit").at("spent").get<double>()};
-}
-
-std::string passes_text(const std::vector<std::vector<int64_t>>& passes) {
-  std::string text;
-  for (const std::vector<int64_t>& counts : passes) {
-    if (!text.empty()) text += ';';
-    text += woodcock::to_text(counts);
-  }
-  return text;
-}
-
-std::vector<std::vector<int64_t>> parse_passes(const std::string& text, PixelRect bounds) {
-  std::vector<std::vector<int64_t>> passes;
-  for (size_t at = 0; at < text.size();) {
-    const size_t end = std::min(text.find(';', at), text.size());
-    auto counts = parse_counts(std::string_view(text).substr(at, end - at), BlockGrid{bounds}.size());
-    if (!counts) throw std::runtime_error("malformed passes in the database");
-    passes.push_back(std::move(*counts));
-    at = end + 1;
-  }
-  return passes;
-}
-
-/// Runs a statement and says how many rows it changed.
-template <typename Prepared>
-Integer affected(Prepared&& prepared) {
-  soci::statement statement = std::forward<Prepared>(prepared);
-  statement.execute(true);
-  return statement.get_affected_rows();
-}
 
 /// HealthCounts in the database's integers.
 struct HealthColumns {
@@ -113,47 +22,6 @@ struct HealthColumns {
 constexpr Integer kAttemptsKept = 20;
 
 }  // namespace
-
-bool StoreSession::insert_job(const JobSpec& spec) {
-  const std::string settings = to_json(rpc::to_wire(spec.settings, spec.tile_size)), rounds = rounds_text(spec.rounds),
-                    target = target_text(spec), quote = quote_text(spec.quote);
-  const Integer tile = spec.tile_size, length = spec.range_length, priority = spec.priority, submitted = spec.submitted_unix_ms;
-  const Integer inserted = affected(
-      (sql_.prepare << "insert into jobs (job_id, request_id, request_digest, name, settings, tile_size, range_length, rounds, priority,"
-                       " submitted_ms, state, reason, paused, ended_ms, last_event, target, quote)"
-                       " values (:id, :rid, :rd, :name, :settings, :tile, :length, :rounds, :prio, :sub, 0, '', 0, 0, 0, :ta, :qu) on "
-                       "conflict do nothing",
-       use(spec.id), use(spec.request_id), use(spec.request_digest), use(spec.name), use(settings), use(tile), use(length), use(rounds),
-       use(priority), use(submitted), use(target), use(quote)));
-  if (inserted != 1) return false;
-  Integer index = 0;
-  for (const FrameSpec& frame : spec.frames) {
-    const std::string header = to_json(rpc::to_wire(frame.header));
-    sql_
-        << "insert into frames (job_id, frame, header, manifest_digest, scene_file, pinned, build, class, state, image_digest, image_bytes,"
-           " statistics, reason) values (:id, :f, :h, :m, :s, 0, '', '', 0, '', 0, '', '')",
-        use(spec.id), use(index), use(header), use(frame.manifest_digest), use(frame.scene_file);
-    ++index;
-  }
-  return true;
-}
-
-void StoreSession::save_job(const JobSpec& spec, const JobRow& row) {
-  const Integer state = static_cast<int>(row.state), paused = row.paused, ended = row.ended_unix_ms;
-  const std::string ends = rounds_text(spec.rounds), aim = target_text(spec), quote = quote_text(spec.quote);
-  sql_ << "update jobs set state = :s, reason = :r, paused = :p, ended_ms = :e, rounds = :ro, target = :ta, quote = :qu where job_id = :id",
-      use(state), use(row.reason), use(paused), use(ended), use(ends), use(aim), use(quote), use(spec.id);
-}
-
-void StoreSession::save_frame(const std::string& job_id, int frame, const FrameRow& row) {
-  const Integer index = frame, pinned = row.pinned, state = static_cast<int>(row.state), bytes = row.image_bytes;
-  const std::string statistics = to_json(row.statistics), passes = passes_text(row.passes);
-  sql_ << "update frames set pinned = :p, build = :b, class = :c, state = :s, image_digest = :d, image_bytes = :ib, statistics = :st, "
-          "reason = :r, passes = :pa"
-          " where job_id = :id and frame = :f",
-      use(pinned), use(row.build), use(row.arithmetic_class), use(state), use(row.image_digest), use(bytes), use(statistics),
-      use(row.reason), use(passes), use(job_id), use(index);
-}
 
 void StoreSession::reset_frame(const std::string& job_id, int frame) {
   const Integer index = frame;
@@ -218,25 +86,102 @@ std::optional<ResultRecord> StoreSession::find_result(const std::string& key) {
   return result;
 }
 
-std::optional<ResultRecord> StoreSession::result_of(const TaskRef& task) {
-  const Integer frame = task.frame, number = task.number, done = static_cast<int>(TaskState::Done);
-  ResultRecord result;
-  Integer bytes = 0;
-  sql_ << "select result_key, digest, bytes from settled where job_id = :j and frame = :f and number = :n and state = :s", use(task.job),
-      use(frame), use(number), use(done), into(result.key), into(result.digest), into(bytes);
-  if (!sql_.got_data()) return std::nullopt;
-  result.bytes = bytes;
-  return result;
+namespace {
+
+constexpr const char* kSettledColumns =
+    "select frame, number, state, result_key, digest, bytes, cpu_ns, wall_ns, samples, first_part, error, nonfinite, clamped,"
+    " majorant_violations, truncated, worker_id, reused from settled";
+
+/// The condition on the state; what is not done has an index.
+std::string in_state(std::optional<TaskState> state) {
+  if (!state) return "";
+  const std::string number = std::to_string(static_cast<int>(*state));
+  return state == TaskState::Done ? " and state = " + number : " and state > 2 and state = " + number;
 }
 
-std::vector<std::pair<int64_t, std::string>> StoreSession::tiles(const std::string& job_id, int frame) {
-  const Integer index = frame, done = static_cast<int>(TaskState::Done);
-  const soci::rowset<soci::row> rows = (sql_.prepare << "select number, digest from settled where job_id = :j and frame = :f and state = :s"
-                                                        " order by number",
-                                        use(job_id), use(index), use(done));
-  std::vector<std::pair<int64_t, std::string>> tiles;
-  for (const soci::row& r : rows) tiles.emplace_back(r.get<Integer>(0), r.get<std::string>(1));
-  return tiles;
+/// A row of kSettledColumns.
+struct SettledRow {
+  SettledTask task;
+  Integer frame = 0, number = 0, state = 0, bytes = 0, cpu = 0, wall = 0, samples = 0, first_part = 0, nonfinite = 0, clamped = 0,
+          majorant_violations = 0, truncated = 0, reused = 0;
+
+  /// Calls `use_row` with each row of `query`, whose only bound values are those of `bind`.
+  template <typename Bind, typename Use>
+  void each(soci::session& sql, const std::string& query, Bind bind, Use use_row) {
+    soci::statement statement(sql);
+    bind(statement);
+    for (Integer* column : {&frame, &number, &state}) statement.exchange(into(*column));
+    statement.exchange(into(task.result.key));
+    statement.exchange(into(task.result.digest));
+    for (Integer* column : {&bytes, &cpu, &wall, &samples, &first_part}) statement.exchange(into(*column));
+    statement.exchange(into(task.error));
+    for (Integer* column : {&nonfinite, &clamped, &majorant_violations, &truncated}) statement.exchange(into(*column));
+    statement.exchange(into(task.result.worker_id));
+    statement.exchange(into(reused));
+    statement.alloc();
+    statement.prepare(query);
+    statement.define_and_bind();
+    for (bool more = statement.execute(true); more; more = statement.fetch()) {
+      task.frame = static_cast<int>(frame);
+      task.number = number;
+      task.state = static_cast<TaskState>(state);
+      task.result.bytes = bytes;
+      task.result.cost = {cpu, wall, samples};
+      task.result.health = {nonfinite, clamped, majorant_violations, truncated};
+      task.first_part = first_part;
+      task.reused = reused != 0;
+      use_row(static_cast<const SettledTask&>(task));
+    }
+  }
+};
+
+}  // namespace
+
+std::optional<SettledTask> StoreSession::settled(const TaskRef& ref) {
+  const Integer frame = ref.frame, number = ref.number;
+  std::optional<SettledTask> found;
+  SettledRow().each(
+      sql_, std::string(kSettledColumns) + " where job_id = :j and frame = :f and number = :n",
+      [&](soci::statement& statement) {
+        statement.exchange(use(ref.job));
+        statement.exchange(use(frame));
+        statement.exchange(use(number));
+      },
+      [&](const SettledTask& row) { found = row; });
+  return found;
+}
+
+std::vector<SettledTask> StoreSession::settled_from(const TaskRef& from, std::optional<TaskState> state, bool one_frame, int limit) {
+  const Integer frame = from.frame, number = from.number, count = limit;
+  std::vector<SettledTask> rows;
+  const auto take = [&](const SettledTask& row) { rows.push_back(row); };
+  // The rest of the frame, then the frames after it: two ranges of the key, each read in its order.
+  SettledRow().each(
+      sql_,
+      std::string(kSettledColumns) + " where job_id = :j and frame = :f and number >= :n" + in_state(state) + " order by number limit :l",
+      [&](soci::statement& statement) {
+        statement.exchange(use(from.job));
+        for (const Integer* value : {&frame, &number, &count}) statement.exchange(use(*value));
+      },
+      take);
+  const Integer rest = count - static_cast<Integer>(rows.size());
+  if (one_frame || rest == 0) return rows;
+  SettledRow().each(
+      sql_, std::string(kSettledColumns) + " where job_id = :j and frame > :f" + in_state(state) + " order by frame, number limit :l",
+      [&](soci::statement& statement) {
+        statement.exchange(use(from.job));
+        for (const Integer* value : {&frame, &rest}) statement.exchange(use(*value));
+      },
+      take);
+  return rows;
+}
+
+std::vector<SplitRow> StoreSession::splits(const std::string& job_id) {
+  const soci::rowset<soci::row> rows =
+      (sql_.prepare << "select frame, number, first_part from settled where job_id = :j" + in_state(TaskState::Split), use(job_id));
+  std::vector<SplitRow> splits;
+  for (const soci::row& r : rows) splits.push_back({static_cast<int>(r.get<Integer>(0)), r.get<Integer>(1), r.get<Integer>(2)});
+  return splits;
 }
 
 void StoreSession::add_attempt(const TaskRef& task, const AttemptRecord& a) {
@@ -272,7 +217,12 @@ void StoreSession::save_lease(const LeaseRow& lease) {
 void StoreSession::drop_lease(const std::string& lease_id) { sql_ << "delete from leases where lease_id = :l", use(lease_id); }
 
 void StoreSession::append_event(const std::string& job_id, const JobEvent& e) {
-  const Integer number = e.number, ms = e.unix_ms, kind = static_cast<int>(e.kind), frame = e.frame ? static_cast<Integer>(*e.frame) : -1;
+  Integer number = e.number;
+  if (number == 0) {
+    sql_ << "select last_event + 1 from jobs where job_id = :j", use(job_id), into(number);
+    if (!sql_.got_data()) return;
+  }
+  const Integer ms = e.unix_ms, kind = static_cast<int>(e.kind), frame = e.frame ? static_cast<Integer>(*e.frame) : -1;
   sql_ << "insert into events (job_id, number, unix_ms, kind, frame, task_id, worker_id, message) values (:j, :n, :u, :k, :f, :t, :w, :m)",
       use(job_id), use(number), use(ms), use(kind), use(frame), use(e.task_id), use(e.worker_id), use(e.message);
   sql_ << "update jobs set last_event = :n where job_id = :j", use(number), use(job_id);
@@ -300,89 +250,47 @@ std::set<std::string> StoreSession::manifests() {
   return digests;
 }
 
-std::set<std::string> StoreSession::referenced_blobs() {
-  std::set<std::string> digests = manifests();
-  for (const char* query : {"select digest from results", "select image_digest from frames where image_digest <> ''",
-                            "select digest from settled where digest <> ''"}) {
-    const soci::rowset<std::string> rows = (sql_.prepare << query);
-    digests.insert(rows.begin(), rows.end());
+std::vector<std::pair<TableKey, std::string>> StoreSession::digests(Table table, const TableKey& after, int limit) {
+  const Integer frame = after.frame, number = after.number, count = limit;
+  std::vector<std::pair<TableKey, std::string>> page;
+  if (table == Table::Results) {
+    const soci::rowset<soci::row> rows =
+        (sql_.prepare << "select result_key, digest from results where result_key > :k order by result_key limit :l", use(after.text),
+         use(count));
+    for (const soci::row& r : rows) page.emplace_back(TableKey{r.get<std::string>(0)}, r.get<std::string>(1));
+  } else if (table == Table::Settled) {
+    const soci::rowset<soci::row> rows =
+        (sql_.prepare << "select job_id, frame, number, digest from settled where (job_id, frame, number) > (:j, :f, :n)"
+                         " order by job_id, frame, number limit :l",
+         use(after.text), use(frame), use(number), use(count));
+    for (const soci::row& r : rows)
+      page.emplace_back(TableKey{r.get<std::string>(0), r.get<Integer>(1), r.get<Integer>(2)}, r.get<std::string>(3));
+  } else {
+    const soci::rowset<soci::row> rows =
+        (sql_.prepare << "select job_id, frame, image_digest from frames where (job_id, frame) > (:j, :f) order by job_id, frame limit :l",
+         use(after.text), use(frame), use(count));
+    for (const soci::row& r : rows) page.emplace_back(TableKey{r.get<std::string>(0), r.get<Integer>(1)}, r.get<std::string>(2));
   }
-  return digests;
+  return page;
+}
+
+void Store::each_digest(const std::function<void(const std::string&)>& use_digest) {
+  constexpr int kPage = 2000;
+  for (const auto table : {StoreSession::Table::Results, StoreSession::Table::Settled, StoreSession::Table::Frames}) {
+    TableKey after;
+    for (bool more = true; more;) {
+      const auto page = look([&](StoreSession& session) { return session.digests(table, after, kPage); });
+      for (const auto& [key, digest] : page)
+        if (!digest.empty()) use_digest(digest);
+      more = page.size() == kPage;
+      if (more) after = page.back().first;
+    }
+  }
 }
 
 void StoreSession::set_term(uint64_t term) {
   const auto value = static_cast<Integer>(term);
   sql_ << "update leader set term = :t where id = 1", use(value);
-}
-
-std::vector<RecoveredJob> StoreSession::load_jobs() {
-  std::vector<RecoveredJob> jobs;
-  std::map<std::string, size_t> index;
-  const soci::rowset<soci::row> job_rows =
-      (sql_.prepare << "select job_id, request_id, request_digest, name, settings, tile_size, range_length, rounds, priority, submitted_ms,"
-                       " state, reason, paused, ended_ms, last_event, target, quote from jobs order by submitted_ms, job_id");
-  for (const soci::row& r : job_rows) {
-    RecoveredJob job;
-    job.spec.id = r.get<std::string>(0);
-    job.spec.request_id = r.get<std::string>(1);
-    job.spec.request_digest = r.get<std::string>(2);
-    job.spec.name = r.get<std::string>(3);
-    job.spec.settings = rpc::from_wire(from_json<v1::RenderSettings>(r.get<std::string>(4)), 0);
-    job.spec.tile_size = static_cast<int>(r.get<Integer>(5));
-    job.spec.range_length = r.get<Integer>(6);
-    job.spec.rounds = parse_rounds(r.get<std::string>(7));
-    parse_target(r.get<std::string>(15), job.spec);
-    job.spec.quote = parse_quote(r.get<std::string>(16));
-    job.spec.settings.samples = job.spec.target ? job.spec.target->max_samples : job.spec.samples();
-    job.spec.priority = static_cast<int>(r.get<Integer>(8));
-    job.spec.submitted_unix_ms = r.get<Integer>(9);
-    job.row = {static_cast<JobState>(r.get<Integer>(10)), r.get<std::string>(11), r.get<Integer>(12) != 0, r.get<Integer>(13),
-               r.get<Integer>(14)};
-    index[job.spec.id] = jobs.size();
-    jobs.push_back(std::move(job));
-  }
-  const soci::rowset<soci::row> frame_rows =
-      (sql_.prepare
-       << "select job_id, header, manifest_digest, scene_file, pinned, build, class, state, image_digest, image_bytes, statistics,"
-          " reason, passes from frames"
-          " order by job_id, frame");
-  for (const soci::row& r : frame_rows) {
-    RecoveredJob& job = jobs.at(index.at(r.get<std::string>(0)));
-    job.spec.frames.push_back(
-        {rpc::from_wire(from_json<v1::FrameHeader>(r.get<std::string>(1))), r.get<std::string>(2), r.get<std::string>(3)});
-    FrameRow frame;
-    frame.pinned = r.get<Integer>(4) != 0;
-    frame.build = r.get<std::string>(5);
-    frame.arithmetic_class = r.get<std::string>(6);
-    frame.state = static_cast<FrameState>(r.get<Integer>(7));
-    frame.image_digest = r.get<std::string>(8);
-    frame.image_bytes = r.get<Integer>(9);
-    if (const auto text = r.get<std::string>(10); !text.empty()) frame.statistics = statistics_from_json(text);
-    frame.reason = r.get<std::string>(11);
-    frame.passes = parse_passes(r.get<std::string>(12), job.spec.frames.back().header.bounds);
-    job.frames.push_back(std::move(frame));
-  }
-  const soci::rowset<soci::row> settled_rows =
-      (sql_.prepare
-       << "select job_id, frame, number, state, result_key, digest, bytes, cpu_ns, wall_ns, samples, first_part, error, nonfinite,"
-          " clamped, majorant_violations, truncated, worker_id, reused from settled order by job_id, frame, number");
-  for (const soci::row& r : settled_rows) {
-    SettledTask task;
-    task.frame = static_cast<int>(r.get<Integer>(1));
-    task.number = r.get<Integer>(2);
-    task.state = static_cast<TaskState>(r.get<Integer>(3));
-    task.result = {r.get<std::string>(4),
-                   r.get<std::string>(5),
-                   r.get<Integer>(6),
-                   {r.get<Integer>(7), r.get<Integer>(8), r.get<Integer>(9)},
-                   {r.get<Integer>(12), r.get<Integer>(13), r.get<Integer>(14), r.get<Integer>(15)},
-                   r.get<std::string>(16)};
-    task.reused = r.get<Integer>(17) != 0;
-    task.first_part = r.get<Integer>(10);
-    task.error = r.get<std::string>(11);
-    jobs.at(index.at(r.get<std::string>(0))).settled.push_back(std::move(task));
-  }
-  return jobs;
 }
 
 std::vector<LeaseRow> StoreSession::load_leases() {

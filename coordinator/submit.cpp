@@ -85,6 +85,12 @@ SamplingTarget checked_target(double error, int64_t max_samples, bool limited) {
 
 }  // namespace
 
+void check_sample_total(double pixels, int64_t samples, const char* field) {
+  // Far inside 64 bits, so that the rounding of this product does not matter.
+  if (pixels * static_cast<double>(samples) > 0x1p62)
+    rpc::fail_invalid(std::string(field) + ": the job would have more than 2^62 camera paths; ask for fewer samples, pixels or frames");
+}
+
 std::optional<double> checked_seconds(double seconds) {
   if (!(seconds >= 0 && seconds <= kMaxSeconds))
     rpc::fail_invalid("max_seconds: expected seconds above 0, at most 10^7; or 0 for no limit");
@@ -112,6 +118,8 @@ JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time
   job.id = std::string(1, 'j');
   job.id.append(rpc::blob_digest(request.request_id()), 0, 12);
   if (request.name().size() > rpc::kMaxNameBytes) rpc::fail_invalid("name: expected at most 200 bytes");
+  // The database would end the name there.
+  if (request.name().find('\0') != std::string::npos) rpc::fail_invalid("name: expected text without zero bytes");
   job.name = request.name();
   if (request.priority() < -rpc::kMaxPriority || request.priority() > rpc::kMaxPriority)
     rpc::fail_invalid("priority: expected -100 to 100");
@@ -152,6 +160,9 @@ JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time
     if (!manifest->second.contains(frame.scene_file)) rpc::fail_invalid("frames.scene_file: the manifest does not list it");
     job.frames.push_back(std::move(frame));
   }
+  double pixels = 0;
+  for (const FrameSpec& frame : job.frames) pixels += static_cast<double>(frame.header.bounds.area());
+  check_sample_total(pixels, *job.settings.samples, "settings.samples");
   cut_rounds(job);
   job.submitted_unix_ms = unix_ms;
   return job;

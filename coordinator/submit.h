@@ -11,6 +11,9 @@ namespace woodcock::coordinator {
 /// tasks; then chooses the length of its tasks. Throws RpcError RESOURCE_EXHAUSTED where no length is enough.
 void cut_rounds(JobSpec& job);
 
+/// Refuses so many samples of so many pixels, of all frames, where counters would overflow: INVALID_ARGUMENT.
+void check_sample_total(double pixels, int64_t samples, const char* field);
+
 /// The time limit that a request asks for; none for 0. Throws RpcError INVALID_ARGUMENT.
 std::optional<double> checked_seconds(double seconds);
 

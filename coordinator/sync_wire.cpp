@@ -136,7 +136,7 @@ v1::LeaseGrant grant_to_wire(const Grant& grant, const Job& job, Time lease) {
 
 v1::OfferVerdict verdict_to_wire(const Offer& offer, OfferStatus status, const std::string& reason) {
   static constexpr v1::Verdict kVerdicts[] = {v1::VERDICT_COMMITTED, v1::VERDICT_ALREADY_COMMITTED, v1::VERDICT_UPLOAD_NEEDED,
-                                              v1::VERDICT_REFUSED, v1::VERDICT_RETRY_LATER};
+                                              v1::VERDICT_REFUSED,   v1::VERDICT_RETRY_LATER,       v1::VERDICT_RETRY_LATER};
   v1::OfferVerdict verdict;
   verdict.set_lease_id(offer.lease_id);
   verdict.set_result_key(offer.result.key);

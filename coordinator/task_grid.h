@@ -21,6 +21,17 @@ int64_t task_count(PixelRect bounds, int tile_size, SampleRange range, int64_t m
 /// A long node is cut so that a block's pass is some two tasks a tile, as long as they are short.
 std::vector<TaskArea> pass_tasks(const SampleMap& before, const std::vector<int64_t>& after, int tile_size);
 
+/// The samples of the longest task in a pass that raises a block to `count`.
+int64_t pass_length(int64_t count);
+
+/// How many elements `tile_grid` has, and element `index` of it; element `index` of `bounded_nodes`. They make no list.
+int64_t tile_count(PixelRect bounds, int tile_size);
+PixelRect tile_at(PixelRect bounds, int tile_size, int64_t index);
+SampleRange bounded_node(SampleRange range, int64_t max_length, int64_t index);
+
+/// The number of tasks of `pass_tasks` without making it.
+int64_t pass_task_count(const SampleMap& before, const std::vector<int64_t>& after, int tile_size);
+
 /// What a failing task is replaced by: four quarters (two where only one edge is long) while an edge is longer than
 /// kMinTileEdge, then two halves of the range while it is longer than kMinRangeLength, then nothing. Quarters are cut at
 /// even positions of the tile so that equal tiles split alike.

@@ -26,7 +26,7 @@ packages=(
   # command line, logs, formats, plots
   libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev gnuplot-nox
   # tests, benchmarks
-  libgtest-dev libgmock-dev librapidcheck-dev libbenchmark-dev libtinyexr-dev python3
+  libgtest-dev libgmock-dev librapidcheck-dev libbenchmark-dev libtinyexr-dev python3 python3-grpcio python3-protobuf
 )
 
 command -v dpkg-query > /dev/null || {

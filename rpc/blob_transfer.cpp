@@ -92,7 +92,9 @@ void repeat(const TransferControl& control, const Attempt& attempt) {
     int64_t reached = 0;
     grpc::Status status;
     if (attempt(reached, status)) return;
-    if (!is_retryable(status) && status.error_code() != grpc::StatusCode::OUT_OF_RANGE) throw_if_failed(status, "blob transfer");
+    // A stream that gave its place up to others is CANCELLED.
+    const bool again = is_retryable(status) || status.error_code() == grpc::StatusCode::CANCELLED;
+    if (!again && status.error_code() != grpc::StatusCode::OUT_OF_RANGE) throw_if_failed(status, "blob transfer");
     if (reached > best) {
       best = reached;
       failures = 0;

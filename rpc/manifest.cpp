@@ -7,6 +7,7 @@
 #include "rpc/convert.h"
 #include "rpc/error.h"
 #include "rpc/limits.h"
+#include "rpc/text_fields.h"
 
 namespace woodcock::rpc {
 
@@ -26,6 +27,7 @@ bool is_safe_path(std::string_view path) {
 std::string serialize_manifest(v1::SceneManifest manifest) {
   std::sort(manifest.mutable_files()->begin(), manifest.mutable_files()->end(),
             [](const v1::SceneFile& a, const v1::SceneFile& b) { return a.path() < b.path(); });
+  check_text_fields(manifest);
   // Fields are written in the order of their numbers, and there are neither maps nor unknown fields.
   return manifest.SerializeAsString();
 }

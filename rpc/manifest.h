@@ -12,7 +12,8 @@ namespace woodcock::rpc {
 /// control character, not absolute, at most kMaxPathBytes.
 bool is_safe_path(std::string_view path);
 
-/// Sorts the files by path and serializes them: equal manifests give equal bytes, whose digest names the blob.
+/// Sorts the files by path and serializes them: equal manifests give equal bytes, whose digest names the blob. Throws RpcError
+/// INVALID_ARGUMENT where a path is not UTF-8.
 std::string serialize_manifest(v1::SceneManifest manifest);
 
 /// The inverse. Throws RpcError INVALID_ARGUMENT on malformed bytes, unsafe or repeated paths, malformed digests, negative

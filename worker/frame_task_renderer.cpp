@@ -25,9 +25,11 @@ double cpu_seconds() {
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
-/// What tells worlds apart. The number of samples is no part of it: a task says which of them it wants.
+/// What tells worlds apart. The number of samples is no part of it: a task says which of them it wants. Of a seed that is given it does
+/// not matter which.
 std::string world_key(RenderCommand command) {
   command.settings.samples.reset();
+  if (command.settings.seed) command.settings.seed = 0;
   const nlohmann::json message = to_json(command);
   return command.scene_digest + command.scene_path + message.at("settings").dump();
 }
@@ -70,7 +72,12 @@ const FrameRenderer& FrameTaskRenderer::renderer_for(const RenderCommand& comman
     if (it->key != key) continue;
     reused = true;
     worlds_.splice(worlds_.begin(), worlds_, it);
-    return worlds_.front().renderer;
+    std::optional<FrameRenderer>& renderer = worlds_.front().renderer;
+    if (const auto seed = command.settings.seed; seed && *seed != renderer->header().seed) {
+      FrameRenderer other = renderer->with_seed(*seed);
+      renderer.emplace(std::move(other));
+    }
+    return *renderer;
   }
   reused = false;
   // Before the new one is built, so that no more than kWorlds are ever in memory.
@@ -88,7 +95,7 @@ const FrameRenderer& FrameTaskRenderer::renderer_for(const RenderCommand& comman
     worlds_.clear();
     worlds_.push_front({key, build()});
   }
-  return worlds_.front().renderer;
+  return *worlds_.front().renderer;
 }
 
 std::optional<RenderedTile> FrameTaskRenderer::render(const RenderCommand& command) {

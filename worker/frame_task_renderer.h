@@ -4,6 +4,7 @@
 #include <atomic>
 #include <list>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "renderer/frame/frame_renderer.h"
@@ -27,7 +28,7 @@ class FrameTaskRenderer : public TaskRenderer {
  private:
   struct Kept {
     std::string key;
-    FrameRenderer renderer;
+    std::optional<FrameRenderer> renderer;
   };
   /// Throws SceneError and std::invalid_argument.
   const FrameRenderer& renderer_for(const RenderCommand& command, bool& reused);

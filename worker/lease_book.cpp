@@ -6,6 +6,7 @@
 
 #include "rpc/convert.h"
 #include "rpc/limits.h"
+#include "rpc/printable.h"
 
 namespace woodcock {
 namespace {
@@ -39,11 +40,13 @@ v1::FailureCause to_wire(FailureCause cause) {
   return v1::FAILURE_CAUSE_OTHER;
 }
 
-/// Protobuf refuses strings that are not UTF-8, and a child may print anything.
+/// Protobuf refuses strings that are not UTF-8, and a child may print anything. An escape may make it longer, and its middle is no
+/// place to cut: whole characters stay.
 std::string printable(std::string text, size_t limit, bool keep_end) {
   if (text.size() > limit) text = keep_end ? text.substr(text.size() - limit) : text.substr(0, limit);
-  for (char& c : text)
-    if ((static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\t') || static_cast<unsigned char>(c) > 0x7e) c = '?';
+  text = keep_end ? rpc::printable_lines(text) : rpc::printable(text);
+  if (text.size() > limit) text = keep_end ? text.substr(text.size() - limit) : text.substr(0, limit);
+  while (!text.empty() && !rpc::is_utf8(text)) keep_end ? text.erase(0, 1) : text.erase(text.size() - 1);
   return text;
 }
 

@@ -1,6 +1,5 @@
 // woodcock-worker: renders tasks for a coordinator.
 #include <signal.h>
-#include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
@@ -9,9 +8,13 @@
 #include <cstdio>
 #include <thread>
 
+#include "rpc/address.h"
 #include "rpc/channel.h"
 #include "rpc/convert.h"
 #include "rpc/limits.h"
+#include "rpc/log.h"
+#include "rpc/printable.h"
+#include "rpc/standard_output.h"
 #include "worker/frame_task_renderer.h"
 #include "worker/supervisor.h"
 
@@ -32,6 +35,7 @@ void declare(CLI::App& app, Arguments& arguments) {
   app.add_option("--coordinator", arguments.coordinators, "HOST:PORT of the coordinator; several, separated by commas, are tried in turn")
       ->delimiter(',')
       ->envname("WOODCOCK_COORDINATOR")
+      ->check(rpc::problem_of_address)
       ->capture_default_str();
   app.add_option("--dir", arguments.folder, "this worker's own folder: identity, scenes, unacknowledged results, logs; made if absent");
   app.add_option("--slots", arguments.slots, "tasks rendered at once, each in a process of its own")
@@ -128,7 +132,7 @@ int run(int argc, char** argv) {
     if (!arguments.name.empty() && !rpc::is_identifier(arguments.name))
       throw CLI::ValidationError("--name", "1 to 64 letters, digits, '.', '_' or '-'");
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
+    return rpc::exit_code_with_output(app.exit(error) == 0 ? 0 : 2, "woodcock-worker");
   } catch (const std::invalid_argument& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 2;
@@ -137,8 +141,7 @@ int run(int argc, char** argv) {
     FrameTaskRenderer renderer;
     return run_render_child(arguments.child, renderer);
   }
-  spdlog::set_default_logger(spdlog::stderr_color_mt("worker"));
-  spdlog::set_pattern("%Y-%m-%d %H:%M:%S.%e %^%l%$ %v");
+  rpc::start_log("worker", "%Y-%m-%d %H:%M:%S.%e %^%l%$ %v");
   return work(arguments);
 }
 
@@ -149,7 +152,7 @@ int main(int argc, char** argv) {
   try {
     return woodcock::run(argc, argv);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "woodcock-worker: %s\n", error.what());
+    std::fprintf(stderr, "woodcock-worker: %s\n", woodcock::rpc::printable_lines(error.what()).c_str());
     return 1;
   }
 }

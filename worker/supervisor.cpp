@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "rpc/address.h"
 #include "rpc/blob_transfer.h"
 #include "rpc/channel.h"
 #include "rpc/convert.h"
@@ -269,7 +270,8 @@ milliseconds Supervisor::take_answer(const Call& call) {
     if (call.request.cluster_id() != call.response.cluster_id() && !call.request.cluster_id().empty()) return milliseconds(0);
     note(book_.apply(call.request, call.sent_at, call.response, boot_now()));
     for (const std::string& address : call.response.coordinator_addresses())
-      if (std::find(addresses_.begin(), addresses_.end(), address) == addresses_.end() && addresses_.size() < 16)
+      if (std::find(addresses_.begin(), addresses_.end(), address) == addresses_.end() && addresses_.size() < 16 &&
+          rpc::problem_of_address(address).empty())
         addresses_.push_back(address);
     if (call.response.notice() != last_notice_) {
       last_notice_ = call.response.notice();

@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "renderer/film/atomic_file.h"
+#include "rpc/printable.h"
 
 namespace woodcock {
 namespace {
@@ -75,7 +76,7 @@ void WorkerFolder::mark_ready() const { std::ofstream(folder_ / "ready") << work
 
 std::string host_name() {
   char name[256] = {};
-  return ::gethostname(name, sizeof name - 1) == 0 ? name : "unknown";
+  return ::gethostname(name, sizeof name - 1) == 0 ? rpc::printable(name) : "unknown";
 }
 
 }  // namespace woodcock

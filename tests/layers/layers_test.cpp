@@ -46,10 +46,21 @@ const std::map<std::string, std::set<std::string>> kOnly{
 };
 
 /// Outside rpc, the files that speak gRPC: the coordinator's services and its server, and the two callers.
-const std::set<std::string> kSpeakGrpc{"coordinator/blobs_service.cpp", "coordinator/jobs_service.cpp", "coordinator/workers_service.cpp",
-                                       "coordinator/services.h",        "coordinator/server.cpp",       "coordinator/server.h",
-                                       "coordinator/watchers.cpp",      "coordinator/watchers.h",       "worker/supervisor.cpp",
-                                       "worker/supervisor.h",           "client/service.cpp",           "client/service.h",
+const std::set<std::string> kSpeakGrpc{"coordinator/blobs_service.cpp",
+                                       "coordinator/jobs_service.cpp",
+                                       "coordinator/workers_service.cpp",
+                                       "coordinator/services.h",
+                                       "coordinator/scenes_service.cpp",
+                                       "coordinator/malformed_requests.cpp",
+                                       "coordinator/malformed_requests.h",
+                                       "coordinator/server.cpp",
+                                       "coordinator/server.h",
+                                       "coordinator/watchers.cpp",
+                                       "coordinator/watchers.h",
+                                       "worker/supervisor.cpp",
+                                       "worker/supervisor.h",
+                                       "client/service.cpp",
+                                       "client/service.h",
                                        "client/watch_job.cpp"};
 /// Those that include one of the above, to start it or to call it.
 bool may_reach_grpc(const std::string& file) {

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <iterator>
 
+#include "coordinator/merge_pool.h"
 #include "coordinator/server.h"
 #include "coordinator/submit.h"
 #include "renderer/accuracy/error_summary.h"
@@ -231,8 +232,8 @@ TEST(Coordinator, F21ATileThatIsNoTileIsNamedByTheMergeAndMakesNoImage) {
   request.map = {request.header.bounds, {1}};
   request.tile_paths = {path};
   request.output_path = folder.path + "/out.exr";
-  for (const AssembleResult& result :
-       {assemble(request), assemble_in_child(WOODCOCK_BIN_DIR "/woodcock-coordinator", folder.path, request)}) {
+  MergePool pool(WOODCOCK_BIN_DIR "/woodcock-coordinator", 1);
+  for (const AssembleResult& result : {assemble(request), pool.merge(request)}) {
     EXPECT_FALSE(result.ok);
     EXPECT_EQ(result.damaged, std::vector<size_t>{0}) << result.error;
     EXPECT_FALSE(std::filesystem::exists(request.output_path));

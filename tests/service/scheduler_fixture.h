@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -30,6 +31,25 @@ inline JobSpec test_job(const std::string& id, int priority = 0, int64_t samples
   job.rounds = {{0, samples}};
   job.settings.samples = samples;
   job.frames = {{test_header(), std::string(64, 'c'), "scene.pbrt"}};
+  return job;
+}
+
+/// A job as a restart finds it, from its rows.
+inline Job restored(const JobSpec& spec, const JobRow& row, const std::vector<FrameRow>& frames, const std::vector<SettledTask>& settled) {
+  Job job = make_job(spec);
+  job.row = row;
+  for (size_t i = 0; i < job.frames.size(); ++i) {
+    Frame fresh;
+    fresh.spec = job.frames[i].spec;
+    fresh.row = frames.at(i);
+    std::vector<SplitRow> splits;
+    for (const SettledTask& task : settled)
+      if (task.state == TaskState::Split && task.frame == static_cast<int>(i)) splits.push_back({task.frame, task.number, task.first_part});
+    lay_out(spec, fresh, splits);
+    for (const SettledTask& task : settled)
+      if (task.frame == static_cast<int>(i)) restore(fresh, task);
+    job.frames[i] = std::move(fresh);
+  }
   return job;
 }
 
@@ -80,10 +100,15 @@ class SchedulerWorld {
     bool pinned = false;
     for (const Action& any : scheduler.take_actions()) {
       if (const auto* pin = std::get_if<action::PinFrame>(&any)) {
-        scheduler.frame_pinned(*pin, {});
+        scheduler.frame_pinned(*pin);
+        pinned = true;
+      } else if (const auto* find = std::get_if<action::FindResults>(&any)) {
+        scheduler.results_found(*find, earlier_results(*find));
         pinned = true;
       } else if (const auto* commit = std::get_if<action::CommitTask>(&any)) {
         commits.push_back(commit->task);
+        SettledTask& row = settled[to_string(commit->task)];
+        row.result = commit->result;
         scheduler.committed(*commit, now);
       } else if (const auto* ready = std::get_if<action::AssembleFrame>(&any)) {
         assembled.push_back(ready->job);
@@ -97,10 +122,20 @@ class SchedulerWorld {
   // Grants are taken by value: what they are called with may lie in `held`.
   OfferStatus finish(const std::string& worker, Grant grant, const std::string& digest = std::string(64, 'd')) {
     Offer offer{grant.lease_id, to_string(grant.task), grant.epoch, {grant.result_key, digest, 100, {1, kSecond, 1}, {}}};
-    const OfferStatus status = scheduler.offer(offer, worker, true, now).status;
+    const OfferStatus status = decide(offer, worker);
     held[worker].erase(grant.lease_id);
     settle();
     return status;
+  }
+
+  /// As the coordinator decides, with the rows of what was committed.
+  OfferStatus decide(const Offer& offer, const std::string& worker) {
+    OfferDecision decision = scheduler.offer(offer, worker, true, now);
+    if (decision.status != OfferStatus::Settled) return decision.status;
+    const auto row = settled.find(offer.task_id);
+    decision = verdict_of_settled(row == settled.end() ? std::nullopt : std::optional(row->second), offer);
+    if (decision.alarm) scheduler.alarm(*parse_task_id(offer.task_id), worker, decision.reason);
+    return decision.status;
   }
 
   std::vector<Grant> fail(const std::string& worker, Grant grant, FailureCause cause = FailureCause::Crash) {
@@ -147,6 +182,11 @@ class SchedulerWorld {
   std::map<std::string, CancelReason> cancelled;
   std::map<EventKind, int> events;
   std::vector<TaskRef> commits;
+  std::map<std::string, SettledTask> settled;  ///< by task id
+  /// What an earlier job rendered: nothing.
+  std::function<std::vector<SettledTask>(const action::FindResults&)> earlier_results = [](const action::FindResults&) {
+    return std::vector<SettledTask>();
+  };
   std::vector<std::string> assembled;
   uint64_t counter = 0;
 };

@@ -27,22 +27,26 @@ Decision next_pass(const SampleMap& map, std::initializer_list<size_t> blocks, i
 }
 
 /// What a restart would find.
-RecoveredJob saved(const Job& job) {
-  RecoveredJob saved;
-  saved.spec = job.spec;
-  saved.row = job.row;
-  saved.frames = {job.frames[0].row};
-  for (size_t i = 0; i < job.frames[0].tasks.size(); ++i) {
-    const Task& task = job.frames[0].tasks[i];
-    if (task.state == TaskState::Open) continue;
-    SettledTask& row = saved.settled.emplace_back();
-    row.number = static_cast<int64_t>(i);
-    row.state = task.state;
-    row.result.digest = task.digest;
-    row.first_part = task.first_part;
-    row.error = task.error;
+Job saved(const Job& job) {
+  const Frame& frame = job.frames[0];
+  std::vector<SettledTask> settled;
+  for (int64_t number = 0; number < frame.tasks.size(); ++number) {
+    if (frame.tasks.state(number) == TaskState::Open) continue;
+    SettledTask& row = settled.emplace_back();
+    row.number = number;
+    row.state = frame.tasks.state(number);
+    if (row.state == TaskState::GivenUp) row.error = frame.failures.at(number).error;
   }
-  return saved;
+  // Parts follow each other in the order of the splits.
+  for (int64_t number = 0; number < frame.tasks.size(); ++number) {
+    const int64_t parent = frame.tasks.parent(number);
+    if (parent < 0) continue;
+    SettledTask& row = *std::find_if(settled.begin(), settled.end(), [&](const SettledTask& task) { return task.number == parent; });
+    if (row.first_part == 0) row.first_part = number;
+  }
+  JobSpec spec = job.spec;
+  spec.frames = {frame.spec};
+  return restored(spec, job.row, {frame.row}, settled);
 }
 
 TEST(Scheduler, AnAdaptiveFrameGoesOnPassByPassAndAFailedTaskClosesItsBlock) {
@@ -57,7 +61,7 @@ TEST(Scheduler, AnAdaptiveFrameGoesOnPassByPassAndAFailedTaskClosesItsBlock) {
   EXPECT_FALSE(world.scheduler.pass_decided("j1", 0, next_pass(frame.settled_map(16), {5, 6}, 32), {}, 17));
   EXPECT_TRUE(world.scheduler.pass_decided("j1", 0, next_pass(frame.settled_map(16), {5, 6}, 32), {}, 18));
   world.settle();
-  EXPECT_EQ(frame.tasks.size(), 18u);
+  EXPECT_EQ(frame.tasks.size(), 18);
   EXPECT_EQ(world.events[EventKind::PassDecided], 1);
   EXPECT_EQ(world.events[EventKind::FramePinned], 1);  // looked up again, not pinned again
   EXPECT_EQ(frame.settled_map(16).counts, std::vector<int64_t>(16, 16));
@@ -89,9 +93,9 @@ TEST(Scheduler, AnAdaptiveFrameGoesOnPassByPassAndAFailedTaskClosesItsBlock) {
   restarted.scheduler.recover_job(saved(*world.scheduler.find("j1")), {}, restarted.now);
   const Frame& again = restarted.scheduler.find("j1")->frames[0];
   ASSERT_EQ(again.tasks.size(), frame.tasks.size());
-  for (size_t i = 0; i < frame.tasks.size(); ++i) {
-    EXPECT_EQ(again.tasks[i].area, frame.tasks[i].area);
-    EXPECT_EQ(again.tasks[i].state, frame.tasks[i].state);
+  for (int64_t i = 0; i < frame.tasks.size(); ++i) {
+    EXPECT_EQ(again.tasks.area(i), frame.tasks.area(i));
+    EXPECT_EQ(again.tasks.state(i), frame.tasks.state(i));
   }
   EXPECT_EQ(again.settled_map(16), frame.settled_map(16));
   EXPECT_EQ(again.closed_blocks(), frame.closed_blocks());
@@ -194,15 +198,15 @@ TEST(Scheduler, WhatIsDamagedAfterTheTimeIsRenderedAgainBeforeTheFrameEnds) {
   tick();
   ASSERT_EQ(frame.row.state, FrameState::Assembling);
   const uint64_t revision = frame.revision;
-  world.scheduler.reopen({"j1", 0, 3}, "damaged");
+  world.scheduler.reopen({"j1", 0, 3}, world.settled.at("j1.0.3").result, "damaged");
   EXPECT_GT(frame.revision, revision);  // a merge of before is not the frame's any more
   for (int i = 0; i < 3; ++i) tick();
   EXPECT_EQ(frame.row.state, FrameState::Running);
-  ASSERT_EQ(frame.tasks[3].leases.size(), 1u);
-  world.finish("w1", world.held["w1"].at(frame.tasks[3].leases[0]));
+  ASSERT_EQ(frame.active.at(3).leases.size(), 1u);
+  world.finish("w1", world.held["w1"].at(frame.active.at(3).leases[0]));
   tick();
   EXPECT_EQ(frame.row.state, FrameState::Assembling);
-  EXPECT_EQ(frame.tasks[3].state, TaskState::Done);
+  EXPECT_EQ(frame.state(3), TaskState::Done);
 }
 
 TEST(Scheduler, AResultThatIsBeingCommittedWhenTheTimeEndsCounts) {

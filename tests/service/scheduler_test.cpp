@@ -172,10 +172,12 @@ TEST(Scheduler, F07APoisonPixelEndsAsOneSmallHoleAndAPartialJob) {
   const Frame& frame = world.scheduler.find("j1")->frames[0];
   EXPECT_LE(frame.splits, 64);
   int64_t hole = 0, covered = 0;
-  for (const Task& task : frame.tasks) {
-    if (task.state == TaskState::GivenUp) hole += task.area.samples();
-    if (task.state == TaskState::Done) covered += task.area.samples();
-    EXPECT_TRUE(task.state != TaskState::GivenUp || task.area.rect.area() <= kMinTileEdge * kMinTileEdge);
+  for (int64_t number = 0; number < frame.tasks.size(); ++number) {
+    const TaskArea area = frame.tasks.area(number);
+    const TaskState state = frame.state(number);
+    if (state == TaskState::GivenUp) hole += area.samples();
+    if (state == TaskState::Done) covered += area.samples();
+    EXPECT_TRUE(state != TaskState::GivenUp || area.rect.area() <= kMinTileEdge * kMinTileEdge);
   }
   EXPECT_EQ(hole + covered, 128 * 128 * 64);
   EXPECT_EQ(hole, kMinTileEdge * kMinTileEdge * 64);
@@ -330,7 +332,7 @@ TEST(Scheduler, AJobCancelledWhileItsLastTaskCommitsEndsInOneFinalState) {
     spec.frames[0].header = test_header(32, 32);
     world.scheduler.add_job(spec);
     const Grant grant = world.sync("w1").at(0);
-    ASSERT_EQ(world.scheduler.find("j1")->frames[0].tasks.size(), 1u);
+    ASSERT_EQ(world.scheduler.find("j1")->frames[0].tasks.size(), 1);
     const Offer offer{grant.lease_id, to_string(grant.task), grant.epoch, {grant.result_key, std::string(64, 'd'), 100, {}, {}}};
     world.held["w1"].clear();
     EXPECT_EQ(world.scheduler.offer(offer, "w1", true, world.now).status, OfferStatus::Pending);
@@ -349,7 +351,7 @@ TEST(Scheduler, AJobCancelledWhileItsLastTaskCommitsEndsInOneFinalState) {
     EXPECT_EQ(world.events[EventKind::StateChanged], 1);
     EXPECT_EQ(world.events[EventKind::FrameDone], 0);
     EXPECT_EQ(world.scheduler.live_leases(), 0u);
-    EXPECT_EQ(world.scheduler.offer(offer, "w1", true, world.now).status, OfferStatus::AlreadyCommitted);
+    EXPECT_EQ(world.decide(offer, "w1"), OfferStatus::AlreadyCommitted);
     EXPECT_FALSE(world.scheduler.cancel("j1"));
   }
 }
@@ -368,7 +370,7 @@ TEST(Scheduler, WhatWentWrongIsSummedOverTheResultsOfAFrame) {
     done.push_back(grant.task);
   }
   EXPECT_EQ(frame.health, (HealthCounts{2, 4, 6, 8}));
-  world.scheduler.reopen(done[0], "damaged");
+  world.scheduler.reopen(done[0], world.settled.at(to_string(done[0])).result, "damaged");
   EXPECT_EQ(frame.health, (HealthCounts{1, 2, 3, 4})) << "a result that is thrown away takes its counts along";
 }
 
@@ -382,7 +384,7 @@ TEST(Scheduler, ExtendingRendersOnlyTheDifference) {
   world.finish_everything("w1");
   EXPECT_EQ(world.commits.size(), 16u);
   for (const TaskRef& task : world.commits)
-    EXPECT_EQ(world.scheduler.find("j1")->frames[0].tasks[static_cast<size_t>(task.number)].area.range, (SampleRange{64, 128}));
+    EXPECT_EQ(world.scheduler.find("j1")->frames[0].tasks.area(task.number).range, (SampleRange{64, 128}));
 }
 
 TEST(Scheduler, F10NothingIsLeasedWhileTheDiskIsFullAndItGoesOnByItself) {
@@ -408,28 +410,25 @@ TEST(Scheduler, ADrainingWorkerGetsNothingAndItsReleasesAreNoFailures) {
 }
 
 TEST(Scheduler, ARestartKeepsSettledTasksSplitsAndLeases) {
-  RecoveredJob job;
-  job.spec = test_job("j1");
-  job.frames.resize(1);
-  job.frames[0].pinned = true;
-  job.frames[0].build = "build";
-  job.frames[0].arithmetic_class = "class";
+  FrameRow row;
+  row.pinned = true;
+  row.build = "build";
+  row.arithmetic_class = "class";
   SettledTask done, split;
   done.number = 0;
   done.result.digest = std::string(64, 'd');
   split.number = 1;
   split.state = TaskState::Split;
   split.first_part = 16;
-  job.settled = {done, split};
   SchedulerWorld world(2);
   std::vector<LeaseRow> leases(1);
   leases[0].lease_id = "L1-7";
   leases[0].task = TaskRef{"j1", 0, 2};
   leases[0].worker_id = "w1";
   leases[0].epoch = (uint64_t{1} << 32) + 7;
-  world.scheduler.recover_job(job, leases, world.now);
+  world.scheduler.recover_job(restored(test_job("j1"), {}, {row}, {done, split}), leases, world.now);
   const Frame& frame = world.scheduler.find("j1")->frames[0];
-  EXPECT_EQ(frame.tasks.size(), 20u);
+  EXPECT_EQ(frame.tasks.size(), 20);
   EXPECT_EQ(frame.done, 1);
   EXPECT_EQ(frame.unsettled, 18);
   EXPECT_EQ(world.scheduler.live_leases(), 1u);

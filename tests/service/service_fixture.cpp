@@ -38,7 +38,7 @@ bool eventually(milliseconds timeout, const std::function<bool()>& condition) {
 Program::Program(const std::string& name, const std::vector<std::string>& arguments, const fs::path& log,
                  const std::map<std::string, std::string>& environment)
     : log_(log) {
-  std::vector<std::string> words{std::string(WOODCOCK_BIN_DIR) + "/" + name};
+  std::vector<std::string> words{name[0] == '/' ? name : std::string(WOODCOCK_BIN_DIR) + "/" + name};
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());
@@ -103,14 +103,16 @@ ServiceTest::~ServiceTest() {
   coordinator_.reset();
 }
 
-void ServiceTest::start_coordinator(int lease_seconds, int port, const std::vector<std::string>& more) {
+void ServiceTest::start_coordinator(int lease_seconds, int port, const std::vector<std::string>& more,
+                                    const std::map<std::string, std::string>& environment) {
   const fs::path dir = folder_ / "coordinator";
   fs::create_directories(dir);
   fs::remove(dir / "address");
   std::vector<std::string> arguments{
       "--dir", dir, "--listen", "127.0.0.1:" + std::to_string(port), "--lease", std::to_string(lease_seconds), "--grace", "1"};
   arguments.insert(arguments.end(), more.begin(), more.end());
-  coordinator_ = std::make_unique<Program>("woodcock-coordinator", arguments, folder_ / ("coordinator" + std::to_string(++runs_)));
+  coordinator_ =
+      std::make_unique<Program>("woodcock-coordinator", arguments, folder_ / ("coordinator" + std::to_string(++runs_)), environment);
   ASSERT_TRUE(eventually(kPatience, [&] { return fs::exists(dir / "address") || !coordinator_->running(); }));
   ASSERT_TRUE(coordinator_->running()) << coordinator_->err();
   address_ = contents(dir / "address");

@@ -20,7 +20,7 @@
 
 namespace woodcock::testing_service {
 
-/// A running program of WOODCOCK_BIN_DIR. It is killed with this object, and with the test.
+/// A running program, of WOODCOCK_BIN_DIR unless its name is a whole path. It is killed with this object, and with the test.
 class Program {
  public:
   Program(const std::string& name, const std::vector<std::string>& arguments, const std::filesystem::path& log,
@@ -62,7 +62,8 @@ class ServiceTest : public ::testing::Test {
   ~ServiceTest() override;
 
   /// Leases are short, so that faults are noticed within seconds. Port 0 takes a free one.
-  void start_coordinator(int lease_seconds = 3, int port = 0, const std::vector<std::string>& more = {});
+  void start_coordinator(int lease_seconds = 3, int port = 0, const std::vector<std::string>& more = {},
+                         const std::map<std::string, std::string>& environment = {});
   /// Kills the coordinator and starts it again on the same folder and port.
   void kill_coordinator();
   void restart_coordinator(int lease_seconds = 3);

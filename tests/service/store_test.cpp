@@ -40,19 +40,20 @@ TEST(Store, WhatWasWrittenIsThereAfterARestartAndTheTermGrows) {
   }
   Store store(options(folder.path));
   EXPECT_EQ(store.term(), 2u);
-  const std::vector<RecoveredJob> jobs = store.read([](StoreSession& s) { return s.load_jobs(); });
-  ASSERT_EQ(jobs.size(), 1u);
-  EXPECT_EQ(jobs[0].spec.rounds, spec.rounds);
-  EXPECT_EQ(jobs[0].spec.target, spec.target);
-  ASSERT_TRUE(jobs[0].spec.time_limit);
-  EXPECT_EQ(jobs[0].spec.time_limit->seconds, 90);
-  EXPECT_EQ(jobs[0].spec.time_limit->spent, 1.5);
-  EXPECT_EQ(jobs[0].spec.settings.seed, spec.settings.seed);
-  EXPECT_EQ(jobs[0].spec.frames.at(0).header, spec.frames[0].header);
-  EXPECT_EQ(jobs[0].row.last_event, 1);
-  ASSERT_EQ(jobs[0].settled.size(), 1u);
-  EXPECT_EQ(jobs[0].settled[0].number, 3);
-  EXPECT_EQ(jobs[0].settled[0].result.digest, std::string(64, 'd'));
+  EXPECT_EQ(store.read([](StoreSession& s) { return s.running_jobs(); }), std::vector<std::string>{"j1"});
+  Job job = store.read([](StoreSession& s) { return s.load_job("j1"); }).value();
+  EXPECT_EQ(job.spec.rounds, spec.rounds);
+  EXPECT_EQ(job.spec.target, spec.target);
+  ASSERT_TRUE(job.spec.time_limit);
+  EXPECT_EQ(job.spec.time_limit->seconds, 90);
+  EXPECT_EQ(job.spec.time_limit->spent, 1.5);
+  EXPECT_EQ(job.spec.settings.seed, spec.settings.seed);
+  EXPECT_EQ(job.frames.at(0).spec.header, spec.frames[0].header);
+  EXPECT_EQ(job.row.last_event, 1);
+  store.load_tasks(job);
+  EXPECT_EQ(job.frames[0].done, 1);
+  EXPECT_EQ(job.frames[0].state(3), TaskState::Done);
+  EXPECT_EQ(store.read([](StoreSession& s) { return s.settled({"j1", 0, 3}); }).value().result.digest, std::string(64, 'd'));
   const std::vector<LeaseRow> leases = store.read([](StoreSession& s) { return s.load_leases(); });
   ASSERT_EQ(leases.size(), 1u);
   EXPECT_EQ(leases[0].epoch, (uint64_t{7} << 32) + 1);
@@ -89,7 +90,7 @@ TEST(Store, CountsOfWhatWentWrongStayWithTheResult) {
     store.read([&](StoreSession& s) { return s.insert_job(test_job("j1")) && s.commit_task({"j1", 0, 3}, -1, unhealthy); });
   }
   Store store(options(folder.path));
-  EXPECT_EQ(store.read([](StoreSession& s) { return s.load_jobs(); }).at(0).settled.at(0).result.health, unhealthy.health);
+  EXPECT_EQ(store.read([](StoreSession& s) { return s.settled({"j1", 0, 3}); }).value().result.health, unhealthy.health);
   EXPECT_EQ(store.read([&](StoreSession& s) { return s.find_result(unhealthy.key); }).value().health, unhealthy.health);
 }
 
@@ -107,6 +108,9 @@ TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
     for (const std::string table : {"settled", "results"})
       for (const std::string column : {"nonfinite", "clamped", "majorant_violations", "truncated"})
         sql << "alter table " + table + " drop column " + column;
+    for (const std::string index : {"jobs_by_time", "jobs_running", "jobs_uncounted", "settled_not_done"}) sql << "drop index " + index;
+    sql << "alter table jobs drop column summary";
+    sql << "alter table frames drop column counts";
     sql << "alter table jobs drop column target";
     sql << "alter table jobs drop column quote";
     sql << "alter table settled drop column worker_id";
@@ -118,13 +122,13 @@ TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
   }
   for (int start = 0; start < 2; ++start) {
     Store store(options(folder.path));
-    const std::vector<RecoveredJob> jobs = store.read([](StoreSession& s) { return s.load_jobs(); });
-    EXPECT_EQ(jobs.at(0).settled.at(0).result.digest, std::string(64, 'd'));
-    EXPECT_FALSE(jobs.at(0).settled.at(0).result.health.any());
-    EXPECT_FALSE(jobs.at(0).spec.quote.has_value());
-    EXPECT_EQ(jobs.at(0).settled.at(0).result.worker_id, "");
-    EXPECT_FALSE(jobs.at(0).settled.at(0).reused);
-    EXPECT_TRUE(jobs.at(0).settled.at(1).reused) << "such a row had no cost";
+    EXPECT_FALSE(store.read([](StoreSession& s) { return s.find_job("j1"); }).value().spec.quote.has_value());
+    const SettledTask row = store.read([](StoreSession& s) { return s.settled({"j1", 0, 3}); }).value();
+    EXPECT_EQ(row.result.digest, std::string(64, 'd'));
+    EXPECT_FALSE(row.result.health.any());
+    EXPECT_EQ(row.result.worker_id, "");
+    EXPECT_FALSE(row.reused);
+    EXPECT_TRUE(store.read([](StoreSession& s) { return s.settled({"j1", 0, 4}); }).value().reused) << "such a row had no cost";
   }
 }
 
@@ -200,7 +204,9 @@ TEST(BlobStore, CleanUpTakesOnlyWhatIsNeitherReferencedNorPinned) {
   for (const char* text : {"referenced", "pinned", "orphan"}) put_blob(blobs, text);
   const std::string partial = rpc::blob_digest("partial");
   blobs.begin_upload(partial, 7, 0, 1)->append("part", 1);
-  const std::set<std::string> referenced{rpc::blob_digest("referenced")};
+  DigestSet referenced;
+  for (const char* text : {"referenced", "another"}) referenced.add(rpc::blob_digest(text));
+  referenced.sort();
   EXPECT_EQ(blobs.sweep(referenced, 5 * kSecond), 0u) << "everything is pinned after a start";
   blobs.pin(rpc::blob_digest("pinned"), 8 * kSecond);
   EXPECT_EQ(blobs.sweep(referenced, 15 * kSecond), 2u);
