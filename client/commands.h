@@ -24,6 +24,8 @@ void add_pause_command(CLI::App& app, int& code);
 void add_resume_command(CLI::App& app, int& code);
 void add_repin_command(CLI::App& app, int& code);
 void add_extend_command(CLI::App& app, int& code);
+void add_delete_command(CLI::App& app, int& code);
+void add_retain_command(CLI::App& app, int& code);
 void add_workers_command(CLI::App& app, int& code);
 void add_sweep_command(CLI::App& app, int& code);
 void add_up_command(CLI::App& app, int& code);

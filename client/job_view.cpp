@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 
+#include "client/policy_options.h"
 #include "client/progress_line.h"
 #include "client/quote_record.h"
 
@@ -38,6 +39,9 @@ json progress_json(const v1::Progress& progress) {
 }  // namespace
 
 std::string state_name(v1::JobState state) { return short_name(v1::JobState_Name(state), "JOB_STATE_"); }
+std::string waiting_name(v1::WaitingReason reason) {
+  return reason == v1::WAITING_REASON_UNSPECIFIED ? "" : short_name(v1::WaitingReason_Name(reason), "WAITING_REASON_");
+}
 std::string state_name(v1::FrameState state) { return short_name(v1::FrameState_Name(state), "FRAME_STATE_"); }
 
 bool has_ended(v1::JobState state) {
@@ -79,6 +83,7 @@ json frame_json(const v1::FrameStatus& frame) {
   json out{{"frame", frame.frame()},
            {"state", state_name(frame.state())},
            {"progress", progress_json(frame.progress())},
+           {"waiting", waiting_name(frame.waiting())},
            {"waiting_reason", frame.waiting_reason()},
            {"reason", frame.reason()},
            {"image_digest", frame.image_digest()},
@@ -120,6 +125,7 @@ json job_json(const v1::Job& job) {
     out["target"] = {{"error", job.target().error()}, {"max_samples", job.target().max_samples()}};
     if (job.target().max_seconds() > 0) out["target"]["max_seconds"] = job.target().max_seconds();
   }
+  if (job.has_policy()) out["policy"] = policy_json(job.policy());
   if (job.has_quote()) out["quote"] = quote_json(job.quote());
   if (job.has_quote_outcome()) out["quote_outcome"] = outcome_json(job);
   if (job.frames_size() > 0) {

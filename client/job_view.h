@@ -13,6 +13,8 @@ namespace woodcock {
 /// "running", "done", …
 std::string state_name(v1::JobState state);
 std::string state_name(v1::FrameState state);
+/// "no_worker", …; empty for a frame that does not wait.
+std::string waiting_name(v1::WaitingReason reason);
 bool has_ended(v1::JobState state);
 
 /// 0 done or still going, 1 failed or cancelled, 3 partial.

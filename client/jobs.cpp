@@ -7,9 +7,11 @@
 
 #include "client/adaptive_render.h"
 #include "client/commands.h"
+#include "client/event_list.h"
 #include "client/fetch_frames.h"
 #include "client/health.h"
 #include "client/job_view.h"
+#include "client/policy_options.h"
 #include "client/print.h"
 #include "client/progress_line.h"
 #include "client/quote_record.h"
@@ -44,6 +46,7 @@ void print_job(const v1::Job& job) {
   const v1::Progress& progress = job.progress();
   say("job       {}  {}\n", job.job_id(), job.name());
   say("state     {}{}{}\n", state_name(job.state()), job.state_reason().empty() ? "" : ": ", job.state_reason());
+  for (const std::string& line : policy_lines(job)) say("{}\n", line);
   if (job.has_target())
     say("target    {}\n", describe_target(job.target()));
   else
@@ -94,10 +97,10 @@ void print_jobs(const std::vector<v1::Job>& jobs, bool json) {
     say("no jobs yet: woodcock submit SCENE\n");
     return;
   }
-  say("{:<26} {:<11} {:>7} {:>7} {:>6}  {}\n", "JOB", "STATE", "DONE", "FRAMES", "SPP", "NAME");
+  say("{:<26} {:<11} {:>7} {:>7} {:>6}  {:<12} {}\n", "JOB", "STATE", "DONE", "FRAMES", "SPP", "USER", "NAME");
   for (const v1::Job& job : jobs)
-    say("{:<26} {:<11} {:>6.1f}% {:>7} {:>6}  {}\n", job.job_id(), state_name(job.state()), percent(job.progress()), job.frame_count(),
-        job.settings().samples(), job.name());
+    say("{:<26} {:<11} {:>6.1f}% {:>7} {:>6}  {:<12} {}\n", job.job_id(), state_name(job.state()), percent(job.progress()),
+        job.frame_count(), job.settings().samples(), job.policy().user(), job.name());
 }
 
 /// One call that answers with the job.
@@ -134,17 +137,24 @@ void add_jobs_command(CLI::App& app, int& code) {
 }
 
 void add_show_command(CLI::App& app, int& code) {
-  auto options = std::make_shared<JobOptions>();
+  struct Options : JobOptions {
+    bool events = false;
+    int64_t after = 0;
+  };
+  auto options = std::make_shared<Options>();
   auto* command = add_job_command(app, "show", "Show a job with its frames, what it waits for, and what failed", options);
-  command->footer("Example:\n  woodcock show JOB");
+  auto* events = command->add_flag("--events", options->events, "What happened to it, from the first event on, a line each");
+  command->add_option("--after", options->after, "Only the events after this number")->check(CLI::NonNegativeNumber)->needs(events);
+  command->footer("Examples:\n  woodcock show JOB\n  woodcock show JOB --events");
   command->callback([options, &code] {
     Service service(options->service);
+    code = 0;
+    if (options->events) return print_events(service, options->job, options->after, options->json);
     const v1::Job job = service.job(options->job);
     if (options->json)
       say_json(job_json(job));
     else
       print_job(job);
-    code = 0;
   });
 }
 

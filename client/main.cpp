@@ -35,6 +35,8 @@ int main(int argc, char** argv) {
   woodcock::add_resume_command(app, code);
   woodcock::add_repin_command(app, code);
   woodcock::add_extend_command(app, code);
+  woodcock::add_delete_command(app, code);
+  woodcock::add_retain_command(app, code);
   woodcock::add_workers_command(app, code);
   woodcock::add_sweep_command(app, code);
   woodcock::add_up_command(app, code);

@@ -62,6 +62,7 @@ Submission resolve(const v1::SubmitSceneRequest& request, v1::SubmitSceneRespons
   job.set_request_id(request.request_id());
   job.set_name(request.name());
   job.set_priority(request.priority());
+  if (request.has_policy()) *job.mutable_policy() = request.policy();
   if (request.has_target()) {
     *job.mutable_target() = request.target();
     job.mutable_target()->set_max_samples(job.settings().samples());

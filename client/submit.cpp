@@ -4,14 +4,19 @@
 #include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <utility>
+#include <vector>
 
 #include "client/adaptive_render.h"
 #include "client/commands.h"
 #include "client/fetch_frames.h"
+#include "client/frame_list.h"
 #include "client/frame_options.h"
 #include "client/health.h"
 #include "client/interrupt.h"
 #include "client/job_view.h"
+#include "client/policy_options.h"
 #include "client/print.h"
 #include "client/progress_line.h"
 #include "client/quote.h"
@@ -29,24 +34,23 @@ struct SubmitOptions {
   TargetOptions target;
   std::string scene, output, frames, name;
   int priority = 0, tile = 0;
+  v1::JobPolicy policy;
   bool watch = false, json = false;
   bool dry_run = false, here = false, quote = false;
   QuoteRun quote_run;
 };
 
-/// "A-B" or "A" as numbers, both included; throws CLI::ValidationError.
-std::pair<uint64_t, uint64_t> parse_frames(const std::string& text) {
-  if (text.empty()) return {0, 0};
-  unsigned long first = 0, last = 0;
-  char rest = 0;
-  const int fields = std::sscanf(text.c_str(), "%lu-%lu%c", &first, &last, &rest);
-  if (fields == 1 && text.find_first_not_of("0123456789") == std::string::npos)
-    last = first;
-  else if (fields != 2 || text.front() == '-')
-    throw CLI::ValidationError("--frames", "found \"" + text + "\", expected A-B with A <= B, e.g. 1-24");
-  if (last < first || last - first >= rpc::kMaxFramesPerJob)
-    throw CLI::ValidationError("--frames", "found \"" + text + "\", expected A-B with A <= B and at most 10000 frames");
-  return {first, last};
+/// Those of --frames; frame 0 without. Throws CLI::ValidationError.
+std::vector<uint64_t> frames_of(const SubmitOptions& options) {
+  if (options.frames.empty()) return {0};
+  try {
+    FrameList list = parse_frame_list(options.frames);
+    if (!list.repeated.empty())
+      note("note: --frames names these more than once, and they are rendered once: {}\n", describe_frames(list.repeated));
+    return std::move(list.frames);
+  } catch (const std::invalid_argument& error) {
+    throw CLI::ValidationError("--frames", error.what());
+  }
 }
 
 /// The quote of the job's first frame.
@@ -61,12 +65,13 @@ QuoteRun quote_run(const SubmitOptions& options, uint64_t first) {
 }
 
 /// The frames and what is asked of them; nothing is sent yet.
-Submission prepare(const SubmitOptions& options, uint64_t first, uint64_t last) {
+Submission prepare(const SubmitOptions& options, const std::vector<uint64_t>& frames) {
   Submission submission;
   submission.request.set_request_id(random_request_id());
   submission.request.set_name(options.name.empty() ? options.scene.substr(options.scene.find_last_of('/') + 1) : options.name);
   submission.request.set_priority(options.priority);
-  for (uint64_t number = first; number <= last; ++number) {
+  *submission.request.mutable_policy() = options.policy;
+  for (const uint64_t number : frames) {
     FrameSettings settings = options.settings;
     settings.frame = number;
     add_frame(options.frames.empty() ? options.scene : with_frame_number(options.scene, number), settings, options.tile, submission);
@@ -98,14 +103,14 @@ void add_quote(const QuoteRun& run, Service& service, Submission& submission) {
 }
 
 int run(const SubmitOptions& options) {
-  const auto [first, last] = parse_frames(options.frames);
-  const QuoteRun quoted = quote_run(options, first);
+  const std::vector<uint64_t> frames = frames_of(options);
+  const QuoteRun quoted = quote_run(options, frames.front());
   if (options.dry_run && options.here) {
     print_quote(quoted, make_quote(quoted));
     return 0;
   }
-  if (!options.dry_run) check_output(options.output, static_cast<int64_t>(last - first + 1));
-  Submission submission = prepare(options, first, last);
+  if (!options.dry_run) check_output(options.output, static_cast<int64_t>(frames.size()));
+  Submission submission = prepare(options, frames);
   Service service(options.service);
   if (options.dry_run) {
     print_quote(quoted, make_quote(quoted, service, submission));
@@ -117,13 +122,13 @@ int run(const SubmitOptions& options) {
   service.call(&v1::JobsService::Stub::SubmitJob, submission.request, response, "submitting the job");
   const std::string& id = response.job_id();
 
-  nlohmann::json report{{"job_id", id}, {"uploaded_bytes", uploaded}, {"frames", last - first + 1}};
+  nlohmann::json report{{"job_id", id}, {"uploaded_bytes", uploaded}, {"frames", frames.size()}};
   if (submission.request.has_quote()) report["quote"] = quote_json(submission.request.quote());
   const bool follow = options.watch || !options.output.empty();
   if (!options.json && !follow) {
     say("{}\n", id);
     const v1::SubmitJobRequest& job = submission.request;
-    note("job {}: {} frame{}, {}; follow it with: woodcock watch {}\n", id, last - first + 1, last == first ? "" : "s",
+    note("job {}: {} frame{}, {}; follow it with: woodcock watch {}\n", id, frames.size(), frames.size() == 1 ? "" : "s",
          job.has_target() ? describe_target(job.target()) : fmt::format("{} samples per pixel", job.settings().samples()), id);
   }
   int code = 0;
@@ -163,10 +168,11 @@ void add_submit_command(CLI::App& app, int& code) {
   add_service_options(*command, options->service);
   command->add_option("-o,--output", options->output,
                       "Wait for the end and write the EXR here, a PNG beside it; #### stands for the frame's number");
-  command->add_option("--frames", options->frames, "Frames A-B of a sequence, both included");
-  command->add_option("--priority", options->priority, "Larger is served first; equal ones share the workers")
-      ->check(CLI::Range(-rpc::kMaxPriority, rpc::kMaxPriority))
-      ->capture_default_str();
+  command
+      ->add_option("--frames", options->frames,
+                   "Frames of a sequence: 7, or A-B with both ends, or A-BxS, every S-th of them; several with commas, as in 1-100x5,200")
+      ->type_name("LIST");
+  add_policy_options(*command, options->priority, options->policy);
   command->add_option("--name", options->name, "The job's name for people (default: the scene file's)");
   add_frame_options(*command, options->settings);
   add_target_options(*command, options->target);
@@ -192,6 +198,8 @@ void add_submit_command(CLI::App& app, int& code) {
       "  woodcock submit scenes/cloud.pbrt --spp 256 --dry-run          what that would cost the workers\n"
       "  woodcock submit scenes/cloud.pbrt --spp 256 --quote            the same, kept with the job\n"
       "  woodcock submit shot.####.pbrt --frames 1-24 -o shot.####.exr  a sequence\n"
+      "  woodcock submit shot.####.pbrt --frames 1-100x5,200            every fifth frame, and one more\n"
+      "  woodcock submit big.pbrt --require-tag big --memory 32G --max-workers 4 --after JOB\n"
       "The image is the one that `woodcock render` makes, to the bit.\n"
       "Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the job ended with parts missing.");
   command->callback([options, &code] {

@@ -6,6 +6,7 @@
 
 #include "client/fetch_frames.h"
 #include "client/job_view.h"
+#include "client/policy_options.h"
 #include "client/submission.h"
 #include "client/watch_job.h"
 
@@ -19,6 +20,7 @@ void ServiceSweep::submit(const SweepRun& run, const SweepStore& store, RunRecor
   settings.samples = run.samples;
   submission.request.set_request_id(random_request_id());
   submission.request.set_name("sweep " + run.id);
+  submission.request.mutable_policy()->set_user(login_name());
   add_frame(options_.scene, settings, 0, submission);
   upload_missing(service_, submission, true);
   v1::SubmitJobResponse response;

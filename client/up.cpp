@@ -15,6 +15,7 @@
 #include "client/print.h"
 #include "rpc/address.h"
 #include "rpc/channel.h"
+#include "rpc/machine_memory.h"
 #include "rpc/standard_output.h"
 
 namespace woodcock {
@@ -116,7 +117,7 @@ void stop(Programs& programs) {
     while (!std::all_of(first, last, gone) && std::chrono::steady_clock::now() < deadline) std::this_thread::sleep_for(kTick);
   };
   if (programs.empty()) return;
-  end(programs.begin(), programs.end() - 1, std::chrono::seconds(kDrainSeconds + 7));
+  end(programs.begin(), programs.end() - 1, std::chrono::seconds(kDrainSeconds + 10));
   end(programs.end() - 1, programs.end(), std::chrono::seconds(10));
   programs.clear();  // kills what did not heed
 }
@@ -142,11 +143,12 @@ void serve(const UpOptions& options, const fs::path& folder, Programs& programs)
     const fs::path worker = folder / fmt::format("worker-{}", i);
     fs::remove(worker / "ready", ignored);
     ready.push_back(worker / "ready");
-    programs.push_back(
-        std::make_unique<BackgroundProgram>("woodcock-worker",
-                                            std::vector<std::string>{"--dir", worker.string(), "--coordinator", address, "--threads",
-                                                                     std::to_string(threads), "--drain", std::to_string(kDrainSeconds)},
-                                            logs / fmt::format("worker-{}.log", i)));
+    std::vector<std::string> worker_arguments{"--dir",     worker.string(),         "--coordinator", address,
+                                              "--threads", std::to_string(threads), "--drain",       std::to_string(kDrainSeconds)};
+    // They share the machine's.
+    if (const int64_t memory = rpc::machine_memory() / options.workers; memory > 0)
+      worker_arguments.insert(worker_arguments.end(), {"--memory", std::to_string(memory)});
+    programs.push_back(std::make_unique<BackgroundProgram>("woodcock-worker", worker_arguments, logs / fmt::format("worker-{}.log", i)));
   }
   const auto workers_connected = [&] {
     return std::all_of(ready.begin(), ready.end(), [](const fs::path& file) { return fs::exists(file); });

@@ -120,6 +120,7 @@ std::optional<v1::Job> watch_job(Service& service, const std::string& job_id, co
 std::optional<v1::Job> watch_job_on_terminal(Service& service, const std::string& job_id, bool quiet) {
   ProgressLine line("job " + job_id, quiet);
   v1::JobState state = v1::JOB_STATE_UNSPECIFIED;
+  std::string reason;
   const auto show = [&](const v1::WatchJobResponse& update) {
     if (quiet) return;
     for (const v1::JobEvent& event : update.events()) {
@@ -128,11 +129,13 @@ std::optional<v1::Job> watch_job_on_terminal(Service& service, const std::string
       note("{}\n", event.message());
     }
     const v1::Job& job = update.job();
-    if (job.state() != state) {
+    // What it waits for may change without its state.
+    if (job.state() != state || (job.state_reason() != reason && !job.state_reason().empty())) {
       line.finish();
       note("job {} is {}{}{}\n", job_id, state_name(job.state()), job.state_reason().empty() ? "" : ": ", job.state_reason());
       state = job.state();
     }
+    reason = job.state_reason();
     const v1::Progress& progress = job.progress();
     if (progress.samples_total() <= 0) return;
     const double done = static_cast<double>(progress.samples_done() + progress.samples_in_flight());

@@ -31,10 +31,21 @@ v1::SubmitJobRequest pilot_request(const v1::SubmitJobRequest& job, int64_t samp
   request.set_name(("quote of " + job.name()).substr(0, rpc::kMaxNameBytes));
   request.clear_target();
   request.clear_quote();
+  // It is measured now.
+  request.mutable_policy()->clear_after();
   request.mutable_frames()->DeleteSubrange(1, request.frames_size() - 1);
   request.mutable_settings()->set_samples(samples);
   request.mutable_settings()->set_tile_size(static_cast<uint32_t>(tile));
   return request;
+}
+
+/// Whether the worker has what a job asks for.
+bool may_render(const v1::WorkerStatus& worker, const v1::JobPolicy& policy) {
+  const auto has = [&](const std::string& tag) {
+    return std::find(worker.tags().begin(), worker.tags().end(), tag) != worker.tags().end();
+  };
+  return std::all_of(policy.required_tags().begin(), policy.required_tags().end(), has) &&
+         policy.memory_bytes() <= worker.memory_bytes() / std::max<int64_t>(1, worker.slots());
 }
 
 void cancel(Service& service, const std::string& job) {
@@ -97,6 +108,8 @@ std::vector<v1::WorkerStatus> ready_workers(Service& service) {
 
 WorkerTimes measure_workers(Service& service, const Submission& submission, const WorkerPilotOptions& options) {
   std::vector<v1::WorkerStatus> present = ready_workers(service);
+  std::erase_if(present, [&](const v1::WorkerStatus& w) { return !may_render(w, submission.request.policy()); });
+  if (present.empty()) throw NoQuote("no quote: no ready worker has the tags and the memory that the job asks for");
   size_t slots = 0;
   for (const v1::WorkerStatus& worker : present) slots += worker.slots();
   const PixelRect bounds = rpc::from_wire(submission.request.frames(0).header().pixel_bounds(), "pixel_bounds");

@@ -9,6 +9,7 @@
 #include "client/commands.h"
 #include "client/print.h"
 #include "client/worker_times.h"
+#include "rpc/quantities.h"
 
 namespace woodcock {
 namespace {
@@ -21,9 +22,17 @@ std::string condition_name(v1::WorkerCondition condition) {
       return "draining";
     case v1::WORKER_CONDITION_QUARANTINED:
       return "quarantined";
+    case v1::WORKER_CONDITION_LEFT:
+      return "left";
     default:
       return "unknown";
   }
+}
+
+std::string list(const google::protobuf::RepeatedPtrField<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ",") + name;
+  return text.empty() ? "-" : text;
 }
 
 nlohmann::json worker_json(const v1::WorkerStatus& worker) {
@@ -35,6 +44,8 @@ nlohmann::json worker_json(const v1::WorkerStatus& worker) {
           {"build", worker.build()},
           {"arithmetic_class", worker.arithmetic_class()},
           {"leases", worker.leases()},
+          {"tags", std::vector<std::string>(worker.tags().begin(), worker.tags().end())},
+          {"memory_bytes", worker.memory_bytes()},
           {"silent_seconds", static_cast<double>(worker.silent_ms()) * 1e-3}};
 }
 
@@ -43,17 +54,19 @@ void print_workers(const std::vector<v1::WorkerStatus>& workers, const std::stri
     say("no worker is connected to {}: start one with `woodcock-worker --dir DIR --coordinator {}`\n", address, address);
     return;
   }
-  say("{:<26} {:<20} {:>5} {:>7} {:<11} {:>6} {:>7}  {:<24}  {:<12}\n", "WORKER", "HOST", "SLOTS", "THREADS", "STATE", "LEASES", "HEARD",
-      "BUILD", "CLASS");
-  int64_t threads = 0;
+  say("{:<26} {:<20} {:>5} {:>7} {:>9} {:<11} {:>6} {:>7}  {:<24}  {:<12}  {}\n", "WORKER", "HOST", "SLOTS", "THREADS", "MEMORY", "STATE",
+      "LEASES", "HEARD", "BUILD", "CLASS", "TAGS");
+  int64_t threads = 0, connected = 0;
   for (const v1::WorkerStatus& worker : workers) {
-    say("{:<26} {:<20} {:>5} {:>7} {:<11} {:>6} {:>5} s  {:<24.24}  {:<12.12}\n", worker.worker_id(), worker.host_name(), worker.slots(),
-        worker.threads(), condition_name(worker.condition()), worker.leases(), worker.silent_ms() / 1000, worker.build(),
-        worker.arithmetic_class());
+    say("{:<26} {:<20} {:>5} {:>7} {:>9} {:<11} {:>6} {:>5} s  {:<24.24}  {:<12.12}  {}\n", worker.worker_id(), worker.host_name(),
+        worker.slots(), worker.threads(), worker.memory_bytes() > 0 ? rpc::bytes_text(worker.memory_bytes()) : "-",
+        condition_name(worker.condition()), worker.leases(), worker.silent_ms() / 1000, worker.build(), worker.arithmetic_class(),
+        list(worker.tags()));
+    connected += worker.condition() != v1::WORKER_CONDITION_LEFT;
     if (worker.condition() == v1::WORKER_CONDITION_READY) threads += render_threads(worker);
   }
-  say("{} worker{} connected; those that are ready render on {} threads (slots × threads)\n", workers.size(),
-      workers.size() == 1 ? "" : "s", threads);
+  say("{} worker{} connected; those that are ready render on {} threads (slots × threads)\n", connected, connected == 1 ? "" : "s",
+      threads);
 }
 
 }  // namespace
@@ -74,7 +87,8 @@ void add_workers_command(CLI::App& app, int& code) {
   command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
   command->footer(
       "Example:\n  woodcock workers\n"
-      "A worker that was not heard of for a minute is not listed. Tasks of one frame go to workers of one build and one arithmetic class.");
+      "A worker that was not heard of for a minute is not listed, nor one that left a minute ago. Tasks of one frame go to workers of one "
+      "build and one arithmetic class.");
   command->callback([options, &code] {
     Service service(options->service);
     const std::vector<v1::WorkerStatus> workers = list_workers(service);

@@ -64,9 +64,14 @@ struct BlobStore::Upload::State {
 };
 
 BlobStore::BlobStore(const BlobStoreOptions& options, Time now) : options_(options), started_(now) {
+  clear_temporary();
+  for (const char* name : {"/blobs", "/uploads"}) ensure_folder(options.dir + name);
+}
+
+void BlobStore::clear_temporary() const {
   std::error_code ignored;
-  fs::remove_all(options.dir + "/temporary", ignored);
-  for (const char* name : {"/temporary", "/blobs", "/uploads"}) ensure_folder(options.dir + name);
+  fs::remove_all(options_.dir + "/temporary", ignored);
+  ensure_folder(options_.dir + "/temporary");
 }
 
 /// Moves what stands where a file or folder of ours belongs out of the way: a link, or a folder with anything in it. The folder of
@@ -92,12 +97,35 @@ std::string BlobStore::temporary(const std::string& name) const {
   ensure_folder(options_.dir + "/temporary");
   return options_.dir + "/temporary/" + name;
 }
-std::optional<int64_t> BlobStore::size(const std::string& digest) const { return file_size(path(digest)); }
+std::optional<int64_t> BlobStore::size(const std::string& digest) const {
+  {
+    const std::lock_guard lock(mutex_);
+    if (leaving_.contains(digest)) return std::nullopt;
+  }
+  return file_size(path(digest));
+}
 bool BlobStore::contains(const std::string& digest) const { return size(digest).has_value(); }
 
 void BlobStore::pin(const std::string& digest, Time now) {
   const std::lock_guard lock(mutex_);
-  pins_[digest] = now + options_.pin;
+  pins_[digest_prefix(digest)] = now + options_.pin;
+}
+
+void BlobStore::Hold::add(const std::string& digest) {
+  const uint64_t prefix = digest_prefix(digest);
+  prefixes_.push_back(prefix);
+  const std::lock_guard lock(store_.mutex_);
+  ++store_.holds_[prefix];
+}
+
+BlobStore::Hold::~Hold() {
+  const std::lock_guard lock(store_.mutex_);
+  for (const uint64_t prefix : prefixes_) {
+    const auto it = store_.holds_.find(prefix);
+    if (--it->second > 0) continue;
+    store_.holds_.erase(it);
+    store_.released_[prefix] = store_.marks_;
+  }
 }
 
 std::string BlobStore::shortage() const {
@@ -128,7 +156,7 @@ std::unique_ptr<BlobStore::Upload> BlobStore::begin_upload(const std::string& di
   {
     const std::lock_guard lock(mutex_);
     if (!uploading_.insert(digest).second) throw BlobError(BlobError::Kind::Busy, "another upload of this blob is running");
-    pins_[digest] = now + options_.pin;
+    pins_[digest_prefix(digest)] = now + options_.pin;
   }
   std::unique_ptr<Upload> upload;
   try {
@@ -205,10 +233,15 @@ void BlobStore::publish(const std::string& from, const std::string& digest, Time
     sync_path(options_.dir + "/blobs", O_RDONLY | O_DIRECTORY);
   }
   if (fs::is_directory(to, error)) clear_the_way(to);
+  // Before it has its name: a clean-up must not find it without.
+  pin(digest, now);
+  {
+    std::unique_lock lock(mutex_);
+    left_.wait(lock, [&] { return !leaving_.contains(digest); });
+  }
   if (::rename(from.c_str(), to.c_str()) != 0) fail("renaming " + from, errno);
   options_.failpoint(renamed);
   sync_path(folder, O_RDONLY | O_DIRECTORY);
-  pin(digest, now);
 }
 
 std::string BlobStore::adopt(const std::string& temporary_path, Time now) {
@@ -276,29 +309,64 @@ bool is_hexadecimal(const std::string& name, size_t length) {
 
 }  // namespace
 
-size_t BlobStore::sweep(const DigestSet& referenced, Time now, const std::function<void(const std::string&)>& warn) {
-  // Pins are not remembered over a restart: then everything counts as pinned when the coordinator started.
-  if (now - started_ < options_.pin) return 0;
-  size_t removed = 0;
+BlobStore::Mark BlobStore::begin_mark(Time now) {
+  const std::lock_guard lock(mutex_);
+  return {now, ++marks_};
+}
+
+/// Decides under the mutex and removes without it: nobody waits for the disk who only pins.
+bool BlobStore::remove_unless_kept(const std::string& digest, const std::string& path, const Mark& mark) {
   {
     const std::lock_guard lock(mutex_);
-    std::erase_if(pins_, [&](const auto& pin) { return pin.second <= now; });
+    const uint64_t prefix = digest_prefix(digest);
+    const auto pin = pins_.find(prefix);
+    const auto released = released_.find(prefix);
+    if (uploading_.contains(digest) || holds_.contains(prefix) || (pin != pins_.end() && pin->second > mark.now) ||
+        (released != released_.end() && released->second >= mark.number))
+      return false;
+    if (!leaving_.insert(digest).second) return false;  // another clean-up removes it
   }
-  const auto kept = [&](const std::string& digest) {
+  const bool removed = ::unlink(path.c_str()) == 0;
+  {
     const std::lock_guard lock(mutex_);
-    return uploading_.contains(digest) || pins_.contains(digest);
-  };
+    leaving_.erase(digest);
+  }
+  left_.notify_all();
+  return removed;
+}
+
+void BlobStore::each_blob(const std::function<void(const std::string&)>& use_blob, const Warn& warn) const {
   // Where blobs are a volume of its own, its lost+found lies among them.
   for (const fs::path& folder : names_in(options_.dir + "/blobs", warn)) {
     if (!is_hexadecimal(folder.filename(), 2)) continue;
-    for (const fs::path& path : names_in(folder, warn)) {
-      const std::string name = path.filename();
-      if (!is_hexadecimal(name, 64) || referenced.may_contain(name) || kept(name)) continue;
-      removed += ::unlink(path.c_str()) == 0;
-    }
+    for (const fs::path& path : names_in(folder, warn))
+      if (is_hexadecimal(path.filename(), 64)) use_blob(path.filename());
   }
-  for (const fs::path& path : names_in(options_.dir + "/uploads", warn))
-    if (!kept(path.stem())) removed += ::unlink(path.c_str()) == 0;
+}
+
+int64_t BlobStore::bytes(const DigestSet& referenced, const Warn& warn) const {
+  int64_t total = 0;
+  each_blob(
+      [&](const std::string& digest) {
+        if (referenced.may_contain(digest)) total += file_size(path(digest)).value_or(0);
+      },
+      warn);
+  return total;
+}
+
+size_t BlobStore::sweep(const DigestSet& referenced, const Mark& mark, const Warn& warn) {
+  // Pins are not remembered over a restart: then everything counts as pinned when the coordinator started.
+  if (mark.now - started_ < options_.pin) return 0;
+  size_t removed = 0;
+  each_blob(
+      [&](const std::string& digest) {
+        if (!referenced.may_contain(digest)) removed += remove_unless_kept(digest, path(digest), mark);
+      },
+      warn);
+  for (const fs::path& path : names_in(options_.dir + "/uploads", warn)) removed += remove_unless_kept(path.stem(), path, mark);
+  const std::lock_guard lock(mutex_);
+  std::erase_if(pins_, [&](const auto& pin) { return pin.second <= mark.now; });
+  std::erase_if(released_, [&](const auto& released) { return released.second < mark.number; });
   return removed;
 }
 

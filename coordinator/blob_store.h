@@ -2,9 +2,9 @@
 #pragma once
 
 #include <atomic>
+#include <condition_variable>
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -12,6 +12,8 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <unordered_map>
+#include <vector>
 
 #include "coordinator/digest_set.h"
 #include "coordinator/failpoint.h"
@@ -49,10 +51,27 @@ class BlobStore {
   std::string path(const std::string& digest) const;
   /// A name in the folder of temporary files, which is on the same file system and made again if it has gone.
   std::string temporary(const std::string& name) const;
+  /// When nobody writes there. Throws BlobError.
+  void clear_temporary() const;
 
-  /// Keeps the blob until now + pin.
+  /// Keeps the blob until now + pin. What is pinned, or held, before one asks whether it is here stays.
   void pin(const std::string& digest, Time now);
   Time pin_time() const { return options_.pin; }
+
+  /// Keeps blobs as long as it lives, whatever the time: from the moment when one asks whether they are here until the row that
+  /// refers to them is durable. A clean-up that began before its end keeps them, too.
+  class Hold {
+   public:
+    explicit Hold(BlobStore& store) : store_(store) {}
+    ~Hold();
+    Hold(const Hold&) = delete;
+    Hold& operator=(const Hold&) = delete;
+    void add(const std::string& digest);
+
+   private:
+    BlobStore& store_;
+    std::vector<uint64_t> prefixes_;
+  };
 
   /// Bytes of the upload that are here, and whether the blob is complete.
   std::pair<int64_t, bool> upload_offset(const std::string& digest) const;
@@ -91,16 +110,31 @@ class BlobStore {
   bool verify(const std::string& digest, std::string* why = nullptr) const;
   /// Throws away a blob that is damaged, whatever stands in its place.
   void remove(const std::string& digest) const;
-  /// Removes blobs and partial uploads that are neither pinned nor referenced, and forgets pins that are over; returns how many went. What
-  /// is not the store's is left alone, what cannot be read is passed over and told to `warn`.
+  using Warn = std::function<void(const std::string&)>;
+  /// When one began to look for what is referenced.
+  struct Mark {
+    Time now = 0;
+    uint64_t number = 0;
+  };
+  Mark begin_mark(Time now);
+  /// Removes blobs and partial uploads that are neither pinned nor held nor referenced, and forgets pins that are over; returns how many
+  /// went. What was pinned or held at any time since `mark` stays: a row that refers to it may have come after one looked. What is not the
+  /// store's is left alone, what cannot be read is passed over and told to `warn`.
   size_t sweep(
-      const DigestSet& referenced, Time now, const std::function<void(const std::string&)>& warn = [](const std::string&) {});
+      const DigestSet& referenced, const Mark& mark, const Warn& warn = [](const std::string&) {});
+  size_t sweep(const DigestSet& referenced, Time now) { return sweep(referenced, begin_mark(now)); }
+  /// Bytes of the blobs that `referenced` has.
+  int64_t bytes(
+      const DigestSet& referenced, const Warn& warn = [](const std::string&) {}) const;
+  /// Calls `use_blob` with the digest of each blob. What cannot be read is passed over.
+  void each_blob(const std::function<void(const std::string&)>& use_blob, const Warn& warn) const;
 
   /// A sentence while there is too little room, else empty.
   std::string shortage() const;
 
  private:
   void check_room(int64_t bytes) const;
+  bool remove_unless_kept(const std::string& digest, const std::string& path, const Mark& mark);
   void clear_the_way(const std::string& path) const;
   void ensure_folder(const std::string& path) const;
   void publish(const std::string& from, const std::string& digest, Time now, const char* synced, const char* renamed);
@@ -108,9 +142,15 @@ class BlobStore {
   const BlobStoreOptions options_;
   mutable std::mutex mutex_;
   mutable std::atomic<uint64_t> set_aside_{0};
-  std::set<std::string> uploading_;   // guarded by mutex_
-  std::map<std::string, Time> pins_;  // guarded by mutex_: kept until
-  Time started_ = 0;
+  std::condition_variable left_;
+  // Guarded by mutex_. Digests that are many are known by their first 64 bits: another one may be kept with them, none is lost.
+  std::set<std::string> uploading_;
+  std::unordered_map<uint64_t, Time> pins_;          ///< kept until
+  std::unordered_map<uint64_t, int> holds_;          ///< how many hold it
+  std::unordered_map<uint64_t, uint64_t> released_;  ///< the number of marks that had begun when the last hold ended
+  std::set<std::string> leaving_;                    ///< being removed: not here any more
+  uint64_t marks_ = 0;
+  const Time started_;
 };
 
 }  // namespace woodcock::coordinator

@@ -92,8 +92,9 @@ grpc::Status BlobsService::Upload(grpc::ServerContext* context, grpc::ServerRead
     if (header.offset_bytes() < 0 || header.offset_bytes() > header.total_bytes())
       rpc::fail_invalid("offset_bytes: expected 0 to total_bytes");
     BlobStore& blobs = coordinator_.blobs();
+    // Pinned before it is looked for: a clean-up in between must not take it.
+    blobs.pin(digest, coordinator_.now());
     if (const auto size = blobs.size(digest)) {
-      blobs.pin(digest, coordinator_.now());
       response->set_stored_bytes(*size);
       response->set_complete(true);
       return;

@@ -34,9 +34,12 @@ Coordinator::Coordinator(const CoordinatorOptions& options)
   scheduler.leader_id = leader_id_;
   spdlog::info("cluster {}, leader term {}", store_->cluster_id(), store_->term());
   scheduler_ = std::make_unique<Scheduler>(scheduler);
+  started_ = options.now();
+  started_unix_ms_ = options.unix_ms();
   recover();
   for (int i = 0; i < options.merges_at_once; ++i) assemblers_.emplace_back([this] { run_assembler(); });
   ticker_ = std::thread([this] { run_ticker(); });
+  housekeeper_ = std::thread([this] { run_housekeeper(); });
 }
 
 void Coordinator::recover() {
@@ -65,8 +68,12 @@ Coordinator::~Coordinator() {
   }
   wake_assembler_.notify_all();
   wake_ticker_.notify_all();
+  wake_housekeeper_.notify_all();
   for (std::thread& assembler : assemblers_) assembler.join();
   ticker_.join();
+  housekeeper_.join();
+  // Of merges that were cut off.
+  if (const auto error = rpc::failure_of([&] { blobs_.clear_temporary(); })) spdlog::warn("{}", *error);
   store_->stop();
 }
 
@@ -93,7 +100,14 @@ Coordinator::Completions Coordinator::pump() {
     actions = scheduler_->take_actions();
     if (actions.empty()) break;
   }
+  answered_holds_.clear();
   return completions;
+}
+
+std::shared_ptr<BlobStore::Hold> Coordinator::hold_of(const std::string& worker_id) const {
+  if (const auto call = held_.find(worker_id); call != held_.end()) return call->second.hold;
+  const auto answered = answered_holds_.find(worker_id);
+  return answered == answered_holds_.end() ? nullptr : answered->second;
 }
 
 namespace {
@@ -123,12 +137,13 @@ void Coordinator::carry_out(const Action& any) {
           [&](const action::FindResults& find) { find_results(find); },
           [&](const action::CommitTask& commit) {
             auto won = std::make_shared<bool>(false);
+            const auto hold = hold_of(commit.worker_id);  // until the row is durable
             store_->write(
                 [this, commit, won](StoreSession& session) {
                   *won = session.commit_task(commit.task, commit.parent, commit.result);
                   options_.failpoint("in-commit");
                 },
-                [this, commit, won] {
+                [this, commit, won, hold] {
                   // One leader writes: a task that is open here has no row there, unless the two have parted.
                   if (!*won) options_.on_fatal("task " + to_string(commit.task) + " is settled in the database and open in memory");
                   options_.failpoint("after-commit");
@@ -182,16 +197,18 @@ void Coordinator::carry_out(const Action& any) {
           },
           [&](const action::ResetFrame& reset) {
             changed();
-            store_->write([reset](StoreSession& session) {
-              session.reset_frame(reset.job, reset.frame);
+            store_->write([reset, ms = options_.unix_ms()](StoreSession& session) {
+              session.reset_frame(reset.job, reset.frame, ms);
               session.save_frame(reset.job, reset.frame, reset.row);
             });
           },
           [&](const action::LogEvent& log) {
             JobEvent event = log.event;
             event.unix_ms = options_.unix_ms();
+            if (event.kind == EventKind::Waiting) spdlog::info("job {} {}", log.job, event.message);
             store_->write([job = log.job, event](StoreSession& session) { session.append_event(job, event); });
           },
+          [&](const action::FindJob& find) { find_job(find.job); },
           [&](const action::ReleaseJob& ended) { store_->write([](StoreSession&) {}, [this, id = ended.job] { release(id); }); },
       },
       any);
@@ -199,11 +216,15 @@ void Coordinator::carry_out(const Action& any) {
 
 void Coordinator::find_results(const action::FindResults& find) {
   auto reused = std::make_shared<std::vector<SettledTask>>();
+  const auto hold = std::make_shared<BlobStore::Hold>(blobs_);
   store_->write(
-      [this, find, reused](StoreSession& session) {
+      [this, find, reused, hold](StoreSession& session) {
         for (const auto& [number, area] : find.tasks) {
           const std::optional<ResultRecord> found = session.find_result(result_key(find.header, area.rect, area.range));
-          if (!found || !blobs_.contains(found->digest)) continue;
+          if (!found) continue;
+          // Held before it is looked for, until the row is durable: a clean-up in between must not take it.
+          hold->add(found->digest);
+          if (!blobs_.contains(found->digest)) continue;
           SettledTask task;
           task.frame = find.frame;
           task.number = number;
@@ -212,9 +233,23 @@ void Coordinator::find_results(const action::FindResults& find) {
           if (session.settle_task({find.job, find.frame, number}, task)) reused->push_back(task);
         }
       },
-      [this, find, reused] {
+      [this, find, reused, hold] {
         locked([&] {
           scheduler_->results_found(find, *reused);
+          ++changes_;
+        });
+      });
+}
+
+void Coordinator::find_job(const std::string& id) {
+  auto state = std::make_shared<std::optional<JobState>>();
+  store_->write(
+      [id, state](StoreSession& session) {
+        if (const std::optional<StoredJob> job = session.find_job(id)) *state = job->row.state;
+      },
+      [this, id, state] {
+        locked([&] {
+          scheduler_->job_found(id, *state);
           ++changes_;
         });
       });
@@ -232,24 +267,6 @@ void Coordinator::release(const std::string& id) {
     }
     return released;
   });
-}
-
-size_t Coordinator::sweep() {
-  DigestSet referenced;
-  store_->each_digest([&](const std::string& digest) { referenced.add(digest); });
-  for (const std::string& digest : store_->look([](StoreSession& session) { return session.manifests(); })) {
-    try {
-      referenced.add(digest);
-      const v1::SceneManifest manifest = rpc::parse_manifest(blobs_.read(digest, rpc::kMaxManifestBytes));
-      for (const v1::SceneFile& file : manifest.files()) referenced.add(file.content_digest());
-    } catch (const std::exception& error) {
-      // What it lists is unknown: nothing may be removed.
-      spdlog::error("clean-up skipped, manifest {} cannot be read: {}", digest, error.what());
-      return 0;
-    }
-  }
-  referenced.sort();
-  return blobs_.sweep(referenced, options_.now(), [](const std::string& warning) { spdlog::warn("clean-up: {}", warning); });
 }
 
 std::string Coordinator::lacking(const std::string& manifest_digest) const {
@@ -304,7 +321,7 @@ void Coordinator::look_for_lost_scenes() {
 }
 
 void Coordinator::run_ticker() {
-  Time next_second = 0, next_sweep = options_.now() + options_.pin;
+  Time next_second = 0;
   std::string shortage;
   std::unique_lock lock(mutex_);
   while (!stopping_) {
@@ -323,21 +340,12 @@ void Coordinator::run_ticker() {
         ++changes_;
       });
     };
-    const auto clean_up = [&] {
-      // Shown is what is counted: jobs that nobody has asked for since.
-      for (const std::string& id : store_->look([](StoreSession& session) { return session.jobs_without_counts(100); })) stored(id);
-      if (const size_t removed = sweep(); removed > 0) spdlog::info("clean-up removed {} files", removed);
-    };
     const auto answer_overdue = [&] { locked([] {}); };
     if (now >= next_second) {
       next_second = now + kSecond;
       if (const auto error = rpc::failure_of(every_second)) spdlog::error("the tick failed: {}", *error);
     } else if (const auto error = rpc::failure_of(answer_overdue)) {
       spdlog::error("the tick failed: {}", *error);
-    }
-    if (now >= next_sweep) {
-      next_sweep = now + 600 * kSecond;
-      if (const auto error = rpc::failure_of(clean_up)) spdlog::error("the clean-up failed: {}", *error);
     }
     lock.lock();
   }

@@ -17,8 +17,10 @@
 #include <vector>
 
 #include "coordinator/assembler.h"
+#include "coordinator/backup.h"
 #include "coordinator/blob_store.h"
 #include "coordinator/failpoint.h"
+#include "coordinator/retention.h"
 #include "coordinator/scheduler.h"
 #include "coordinator/store.h"
 #include "rpc/error.h"
@@ -35,10 +37,12 @@ struct CoordinatorOptions {
   int64_t min_free_bytes = 64 << 20;
   Time pin = 3600 * kSecond;
   Time sync_hold = 10 * kSecond;      ///< how long an idle worker's call is held
-  Time busy_sync_hold = 2 * kSecond;  ///< and that of one that renders: how old its progress may be
+  Time busy_sync_hold = 2 * kSecond;  ///< and that of one that renders, at least: how old its progress may be
   size_t max_backlog = 50'000;        ///< operations that wait for the database
   AssembleFunction assemble_tiles = assemble;
   int merges_at_once = 1;                                   ///< of settled frames
+  bool clean_up_by_itself = true;                           ///< every ten minutes; otherwise when clean_up() is called
+  RetentionLimits retention;                                ///< of jobs that have ended
   std::string scene_reader;                                 ///< the program `woodcock`; empty: there is none, and no scenes are read
   std::function<Time()> now;                                ///< boot-time clock
   std::function<int64_t()> unix_ms;                         ///< wall clock, for people only
@@ -76,6 +80,11 @@ class Coordinator {
   std::pair<std::string, int64_t> picture(const std::string& id, uint64_t frame);
   /// Reads a scene and submits it (scene_reader.h).
   v1::SubmitSceneResponse submit_scene(const v1::SubmitSceneRequest& request);
+  v1::ListEventsResponse events(const std::string& id, int page_size, const std::string& page_token);
+  /// Forgets a job that has ended; with `cancel` it is made to end. Its rows go in the background, its files by the next clean-ups.
+  void remove(const std::string& id, bool cancel);
+  /// What goes by the limits of retention; without a dry run it goes now.
+  v1::RetainJobsResponse retain(const v1::RetainJobsRequest& request);
   std::vector<v1::TaskAttempt> task_log(const std::string& job_id, const std::string& task_id);
   /// Events after the cursor, at most 1000, and the job now. `finished`: it has ended and there are no more events.
   v1::WatchJobResponse watch(const std::string& id, int64_t after_event, bool& finished);
@@ -91,8 +100,13 @@ class Coordinator {
   /// scene it belongs to say what they wait for.
   void blob_lost(const std::string& digest);
 
-  /// Removes blobs that nothing needs; the ticker calls it every ten minutes.
+  /// What the coordinator does every ten minutes: finishes deletions, lets jobs go by the limits of retention, removes blobs that nothing
+  /// needs. Says which jobs went.
+  v1::RetainJobsResponse clean_up();
+  /// Removes blobs that nothing needs.
   size_t sweep();
+  /// Writes database and blobs, as they are at one moment, to a new folder (backup.h) while everything goes on. Throws std::runtime_error.
+  BackupRecord back_up(const std::string& target);
 
  private:
   struct HeldSync {
@@ -100,6 +114,7 @@ class Coordinator {
     uint64_t sequence = 0;
     std::vector<Offer> offers;
     std::vector<bool> present;                                  ///< parallel to offers: whether the blob is here
+    std::shared_ptr<BlobStore::Hold> hold;                      ///< of their blobs
     std::vector<bool> asked;                                    ///< parallel to offers: the database is asked
     std::vector<std::pair<OfferStatus, std::string>> verdicts;  ///< parallel to offers
     Time deadline = 0;
@@ -129,14 +144,17 @@ class Coordinator {
   using Completions = std::vector<std::function<void()>>;
 
   void recover();
-  Completions pump();  // mutex_ held: carries out actions, answers held calls; the caller runs the result unlocked
+  Time sync_hold(bool busy) const;  // mutex_ held
+  Completions pump();               // mutex_ held: carries out actions, answers held calls; the caller runs the result unlocked
   void carry_out(const Action& action);
   bool try_answer(const std::string& worker_id, HeldSync& held, Completions& completions);
   void decide_offers(const std::string& worker_id, HeldSync& held);
   void ask_store(const std::string& worker_id, HeldSync& held, size_t offer);
   void tell_committed(const action::CommitTask& commit);
+  std::shared_ptr<BlobStore::Hold> hold_of(const std::string& worker_id) const;
   void raise_alarm(const TaskRef& task, const std::string& worker_id, const std::string& message);
   void find_results(const action::FindResults& find);
+  void find_job(const std::string& id);
   void release(const std::string& job);
   /// Refuses by name a worker that believes to talk to another coordinator than this one: nothing of its report concerns us.
   bool meets_a_stranger(const v1::SyncRequest& request, const SyncDone& done);
@@ -173,6 +191,21 @@ class Coordinator {
   void check_image(const std::string& job, int frame, const std::string& digest);
   void run_assembler();
   void run_ticker();
+  void run_housekeeper();
+  bool stopping() const;
+  /// A wall clock that does not jump ahead: what is counted in days must not go because of one.
+  int64_t retention_unix_ms() const;
+  /// The digests that rows and manifests refer to. Nothing where a manifest cannot be read.
+  std::optional<DigestSet> referenced_digests();
+  /// True: nobody finds the job any more. False where it is in memory, or does not exist, or runs.
+  bool take_out(const std::string& id);
+  /// Deletes what is left of jobs that were taken out.
+  void purge();
+  void purge(const std::string& id);
+  /// housekeeping_ held for these.
+  v1::RetainJobsResponse clean_up_alone();
+  v1::RetainJobsResponse apply_limits();
+  size_t remove_unreferenced();
 
   const CoordinatorOptions options_;
   BlobStore blobs_;
@@ -181,14 +214,17 @@ class Coordinator {
   std::mutex last_stored_mutex_;  // taken last
   // Guarded by last_stored_mutex_:
   std::shared_ptr<const Job> last_stored_;
-  uint64_t woken_ = 0;     ///< jobs that came back from the database
-  std::mutex wake_mutex_;  // taken before mutex_: one job at a time comes back to memory
+  uint64_t woken_ = 0;             ///< jobs that came back from the database
+  std::timed_mutex housekeeping_;  // taken first: one clean-up or back-up at a time
+  std::mutex wake_mutex_;          // taken before mutex_: one job at a time comes back to memory, or goes for ever
   mutable std::mutex mutex_;
   std::condition_variable wake_assembler_;
   std::condition_variable wake_ticker_;
+  std::condition_variable wake_housekeeper_;
   // Guarded by mutex_:
   std::unique_ptr<Scheduler> scheduler_;
   std::map<std::string, HeldSync> held_;
+  std::map<std::string, std::shared_ptr<BlobStore::Hold>> answered_holds_;  ///< by worker, of the calls that one pump answers
   std::deque<AssembleJob> to_assemble_;
   std::set<std::pair<std::string, int>> being_assembled_;  // job and frame
   std::string address_;
@@ -196,10 +232,14 @@ class Coordinator {
   uint64_t changes_ = 1;
   uint64_t next_temporary_ = 0;
   bool stopping_ = false;
+  bool to_purge_ = true;   // jobs were taken out, or may have been before the start
   std::string leader_id_;  // of this start; constant
+  Time started_ = 0;
+  int64_t started_unix_ms_ = 0;
 
   std::vector<std::thread> assemblers_;
   std::thread ticker_;
+  std::thread housekeeper_;
 };
 
 }  // namespace woodcock::coordinator

@@ -103,7 +103,8 @@ std::string Coordinator::temporary_file(const std::string& name) {
 void Coordinator::merge_failed(const AssembleJob& work, const std::string& error) {
   const bool short_of_room = !blobs_.shortage().empty();
   locked([&] {
-    if (is_stale(work)) return;
+    // It is begun again after the next start.
+    if (stopping_ || is_stale(work)) return;
     if (short_of_room || work.attempts + 1 < kAttempts) {
       spdlog::warn("merging a frame of job {} failed and is repeated: {}", work.job, error);
       to_assemble_.push_back({work.job, work.frame, work.attempts + (short_of_room ? 0 : 1), options_.now() + kSecond});
@@ -159,9 +160,11 @@ void Coordinator::assemble_one(AssembleJob& work) {
   }
   std::string digest;
   int64_t bytes = 0;
+  const auto hold = std::make_shared<BlobStore::Hold>(blobs_);
   if (result.ok) {
     try {
       digest = blobs_.adopt(request.output_path, options_.now());
+      hold->add(digest);
       bytes = blobs_.size(digest).value_or(0);
     } catch (const BlobError& error) {
       result.ok = false;
@@ -182,6 +185,8 @@ void Coordinator::assemble_one(AssembleJob& work) {
   locked([&] {
     if (!is_stale(work)) scheduler_->frame_assembled(work.job, work.frame, digest, bytes, result.statistics, reason);
   });
+  // Until the frame's row is durable.
+  store_->write([](StoreSession&) {}, [hold] {});
 }
 
 void Coordinator::run_assembler() {
@@ -236,7 +241,7 @@ Coordinator::FrameSeen Coordinator::see_frame(const std::string& id, uint64_t nu
     const std::lock_guard lock(mutex_);
     if (const Job* job = scheduler_->find(id)) {
       FrameSeen seen = seen_in(*job);
-      seen.status.set_waiting_reason(scheduler_->waiting_reason(*job, job->frames[static_cast<size_t>(seen.index)], options_.now()));
+      set_waiting(seen.status, scheduler_->waiting(*job, job->frames[static_cast<size_t>(seen.index)], options_.now()));
       return seen;
     }
   }

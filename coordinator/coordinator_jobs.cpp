@@ -9,6 +9,7 @@
 #include "coordinator/scene_reader.h"
 #include "coordinator/submit.h"
 #include "coordinator/task_grid.h"
+#include "rpc/convert.h"
 #include "rpc/error.h"
 #include "rpc/limits.h"
 
@@ -65,22 +66,47 @@ void Coordinator::must_exist(const std::string& id) {
     rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
 }
 
+namespace {
+
+/// Those that are not done yet. Throws RpcError kNotFound for one that does not exist, kFailedPrecondition for one that ended otherwise.
+std::vector<std::string> jobs_to_wait_for(StoreSession& session, const std::vector<std::string>& after) {
+  std::vector<std::string> open;
+  for (const std::string& id : after) {
+    const std::optional<StoredJob> job = session.find_job(id);
+    if (!job) rpc::fail_not_found("policy.after: there is no job " + id + "; `woodcock jobs` lists them");
+    if (job->row.state == JobState::Done) continue;
+    if (has_ended(job->row.state))
+      rpc::fail_precondition("policy.after: job " + id + " is " + to_string(job->row.state) +
+                             ", and a job begins only after jobs that are done; extend it, or submit without it");
+    open.push_back(id);
+  }
+  return open;
+}
+
+}  // namespace
+
 v1::SubmitJobResponse Coordinator::submit(const v1::SubmitJobRequest& request) {
   if (store_->backlog() > options_.max_backlog) rpc::fail_exhausted("the coordinator's database is behind; submit again later");
   if (const std::string shortage = blobs_.shortage(); !shortage.empty()) rpc::fail_exhausted(shortage);
-  const JobSpec spec = check_submit(request, blobs_, options_.now(), options_.unix_ms());
+  BlobStore::Hold hold(blobs_);
+  const JobSpec spec = check_submit(request, blobs_, hold, options_.now(), options_.unix_ms());
   // The database decides who was first, and has the job before anybody renders it.
-  const NewJob rows(spec);
+  NewJob rows(spec);
   std::optional<StoredJob> earlier;
+  bool being_deleted = false;
   const bool repeated = store_->read([&](StoreSession& session) {
-    if (session.insert_job(rows)) return false;
     earlier = session.find_job(spec.id);
-    return true;
+    being_deleted = session.is_being_deleted(spec.id);
+    if (earlier || being_deleted) return true;
+    rows.spec.policy.waits_for = jobs_to_wait_for(session, spec.policy.after);
+    return !session.insert_job(rows);
   });
+  if (being_deleted)
+    throw rpc::RpcError(rpc::Code::kUnavailable, "the job of request id " + spec.request_id + " is just being deleted; submit again");
   if (repeated && (!earlier || earlier->spec.request_digest != spec.request_digest))
     throw rpc::RpcError(rpc::Code::kAlreadyExists, "request id " + spec.request_id + " was used for another submit; make a new one");
   if (!repeated) {
-    Job job = make_job(spec);
+    Job job = make_job(std::move(rows.spec));
     locked([&] {
       if (!scheduler_->find(spec.id)) scheduler_->add_job(std::move(job));
       ++changes_;
@@ -125,21 +151,22 @@ size_t page_limit(int page_size) {
 
 v1::ListJobsResponse Coordinator::list(int page_size, const std::string& page_token) {
   const size_t limit = page_limit(page_size);
+  // Time and id of the last job: it may have been deleted since.
   int64_t submitted_ms = std::numeric_limits<int64_t>::max();
-  std::vector<StoredJob> page = store_->look([&](StoreSession& session) {
-    if (!page_token.empty()) {
-      const std::optional<StoredJob> last = session.find_job(page_token);
-      if (!last) return std::vector<StoredJob>();
-      submitted_ms = last->spec.submitted_unix_ms;
-    }
-    return session.list_jobs(submitted_ms, page_token, static_cast<int>(limit) + 1);
-  });
-  if (!page_token.empty() && submitted_ms == std::numeric_limits<int64_t>::max())
-    rpc::fail_invalid("page_token: not one of an earlier answer");
+  std::string last;
+  if (!page_token.empty()) {
+    const char* const end = page_token.data() + page_token.size();
+    const auto [p, error] = std::from_chars(page_token.data(), end, submitted_ms);
+    if (error != std::errc() || p == end || *p != '.' || !rpc::is_identifier(std::string(p + 1, end)))
+      rpc::fail_invalid("page_token: not one of an earlier answer");
+    last.assign(p + 1, end);
+  }
+  std::vector<StoredJob> page =
+      store_->look([&](StoreSession& session) { return session.list_jobs(submitted_ms, last, static_cast<int>(limit) + 1); });
   v1::ListJobsResponse response;
   if (page.size() > limit) {
     page.resize(limit);
-    response.set_next_page_token(page.back().spec.id);
+    response.set_next_page_token(std::to_string(page.back().spec.submitted_unix_ms) + "." + page.back().spec.id);
   }
   // Those that run are shown as they are now. One that went meanwhile is in the database as it ended.
   std::vector<std::pair<v1::Job*, std::string>> gone;
@@ -178,6 +205,26 @@ v1::ListResultsResponse Coordinator::results(const std::string& id, int page_siz
       response.set_next_page_token(to_string(ref));
     else
       *response.add_results() = result_view(ref, row);
+  }
+  return response;
+}
+
+v1::ListEventsResponse Coordinator::events(const std::string& id, int page_size, const std::string& page_token) {
+  const size_t limit = page_limit(page_size);
+  int64_t after = 0;
+  if (!page_token.empty()) {
+    const char* const end = page_token.data() + page_token.size();
+    const auto [p, error] = std::from_chars(page_token.data(), end, after);
+    if (error != std::errc() || p != end || after < 0) rpc::fail_invalid("page_token: not one of an earlier answer");
+  }
+  must_exist(id);
+  v1::ListEventsResponse response;
+  for (const JobEvent& event :
+       store_->look([&](StoreSession& session) { return session.events(id, after, static_cast<int>(limit) + 1); })) {
+    if (static_cast<size_t>(response.events_size()) == limit)
+      response.set_next_page_token(std::to_string(response.events().rbegin()->number()));
+    else
+      *response.add_events() = to_wire(event);
   }
   return response;
 }

@@ -12,6 +12,12 @@
 #include "rpc/limits.h"
 
 namespace woodcock::coordinator {
+namespace {
+
+/// Of workers that have nothing new to tell.
+constexpr Time kSyncsPerSecond = 250;
+
+}  // namespace
 
 bool Coordinator::meets_a_stranger(const v1::SyncRequest& request, const SyncDone& done) {
   if (request.cluster_id().empty()) return false;
@@ -60,13 +66,17 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
   }
   held.verdicts.assign(held.offers.size(), {OfferStatus::Pending, ""});
   held.asked.assign(held.offers.size(), false);
-  for (const Offer& offer : held.offers) held.present.push_back(blobs_.contains(offer.result.digest));
+  // Held before they are looked for, until the rows of those that are committed are durable.
+  held.hold = std::make_shared<BlobStore::Hold>(blobs_);
+  for (const Offer& offer : held.offers) {
+    held.hold->add(offer.result.digest);
+    held.present.push_back(blobs_.contains(offer.result.digest));
+  }
   held.sequence = request.sequence();
   held.done = std::move(done);
   const Time now = options_.now();
   // The first call of a process is not held: its answer tells the worker that it has arrived.
-  const Time hold = request.sequence() == 1 ? 0 : request.leases().empty() ? options_.sync_hold : options_.busy_sync_hold;
-  held.deadline = now + hold;
+  const bool at_once = request.sequence() == 1 || report.left;
   SyncDone superseded, refused;
   rpc::Outcome refusal;
   uint64_t token = 0;
@@ -83,6 +93,7 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
       refused = std::move(held.done);
       return 0;
     }
+    held.deadline = now + (at_once ? 0 : sync_hold(!request.leases().empty()));
     held.token = ++next_token_;
     const uint64_t result = held.token;
     const auto old = held_.find(report.worker_id);
@@ -98,9 +109,18 @@ uint64_t Coordinator::sync(const v1::SyncRequest& request, SyncDone done) {
     if (held.done) held.done({rpc::Code::kInternal, *error}, {});
     return 0;
   }
+  if (report.left && token != 0) spdlog::info("worker {} has left", report.worker_id);
   if (superseded) superseded({rpc::Code::kAborted, "a later call of this worker replaces this one"}, {});
   if (refused) refused(refusal, {});
   return token;
+}
+
+/// How long a call is held while there is nothing to say, and so when the worker calls again. Of many workers each calls more rarely, so
+/// that all of them together stay within what one coordinator answers; never so rarely that a lease ends meanwhile.
+Time Coordinator::sync_hold(bool busy) const {
+  if (!busy) return options_.sync_hold;
+  const Time spread = static_cast<Time>(held_.size()) * kSecond / kSyncsPerSecond;
+  return std::clamp(spread, options_.busy_sync_hold, std::max(options_.busy_sync_hold, options_.scheduler.lease / 4));
 }
 
 bool Coordinator::cancel_sync(uint64_t token) {
@@ -211,6 +231,8 @@ bool Coordinator::try_answer(const std::string& worker_id, HeldSync& held, Compl
     *response.add_verdicts() = verdict_to_wire(held.offers[i], held.verdicts[i].first, held.verdicts[i].second);
   response.set_next_sync_ms(undecided ? 1000 : 0);
   response.set_notice(answer.notice);
+  // A commit that it made just now may still have to be carried out.
+  answered_holds_[worker_id] = held.hold;
   completions.push_back([done = std::move(held.done), response = std::move(response)] { done(rpc::Outcome{}, response); });
   return true;
 }

@@ -87,10 +87,18 @@ struct Job {
   std::vector<Frame> frames;
   size_t first_unfinished = 0;
   bool leased_ever = false;
-  double served = 0;                            ///< camera paths granted: the fair share
   std::deque<std::pair<Time, int64_t>> recent;  ///< commits of the last minute: when, camera paths
   std::set<size_t> ready;                       ///< frames that may have a task to lease, or are to be pinned
   std::set<std::string> leases;                 ///< live ones
+  std::map<std::string, int> workers;           ///< those that hold them, and how many each
+  WaitingReason waits = WaitingReason::None;    ///< at the last tick
+  Time waits_since = 0;
+  WaitingReason waits_logged = WaitingReason::None;
+
+  /// Whether no other worker may join those that render it.
+  bool is_full() const { return spec.policy.max_workers > 0 && workers.size() >= spec.policy.max_workers; }
+  /// Whether there may be something to lease.
+  bool is_runnable() const { return !has_ended(row.state) && !row.paused && spec.policy.waits_for.empty() && !ready.empty(); }
 };
 
 /// A job as it was submitted.

@@ -11,8 +11,10 @@ v1::JobState to_wire(JobState state) { return static_cast<v1::JobState>(static_c
 v1::FrameState to_wire(FrameState state) { return static_cast<v1::FrameState>(static_cast<int>(state) + 1); }
 static_assert(static_cast<int>(JobState::Cancelled) + 1 == v1::JOB_STATE_CANCELLED);
 static_assert(static_cast<int>(FrameState::Cancelled) + 1 == v1::FRAME_STATE_CANCELLED);
-static_assert(static_cast<int>(EventKind::PassDecided) == v1::JOB_EVENT_KIND_PASS_DECIDED);
-static_assert(static_cast<int>(WorkerCondition::Quarantined) == v1::WORKER_CONDITION_QUARANTINED);
+static_assert(static_cast<int>(EventKind::Waiting) == v1::JOB_EVENT_KIND_WAITING);
+static_assert(static_cast<int>(WaitingReason::WorkersBusy) == v1::WAITING_REASON_WORKERS_BUSY);
+static_assert(static_cast<int>(WaitingReason::MaxWorkers) == v1::WAITING_REASON_MAX_WORKERS);
+static_assert(static_cast<int>(WorkerCondition::Left) == v1::WORKER_CONDITION_LEFT);
 
 v1::Progress to_wire(const Progress& p) {
   v1::Progress wire;
@@ -119,6 +121,7 @@ v1::Job job_view(const JobSpec& spec, const JobRow& row, const JobSummary& summa
     wire.mutable_target()->set_max_samples(spec.target->max_samples);
     if (spec.time_limit) wire.mutable_target()->set_max_seconds(spec.time_limit->seconds);
   }
+  if (spec.policy != JobPolicy{}) *wire.mutable_policy() = to_wire(spec.policy);
   if (spec.quote) *wire.mutable_quote() = to_wire(*spec.quote);
   if (const auto outcome = quote_outcome(spec, row, summary)) *wire.mutable_quote_outcome() = *outcome;
   return wire;
@@ -133,11 +136,21 @@ v1::Job job_view(const Job& job) {
 v1::Job job_view(const Scheduler& scheduler, const Job& job, bool with_frames, Time now) {
   v1::Job wire = with_frames ? job_view(job) : job_view(job.spec, job.row, summary_of(job));
   *wire.mutable_progress() = to_wire(scheduler.progress(job, now));
-  const std::vector<std::string> reasons = scheduler.waiting_reasons(job, now);
-  const auto first = std::find_if(reasons.begin(), reasons.end(), [](const std::string& reason) { return !reason.empty(); });
-  if (wire.state_reason().empty() && first != reasons.end()) wire.set_state_reason(*first);
-  for (int i = 0; i < wire.frames_size(); ++i) wire.mutable_frames(i)->set_waiting_reason(reasons[static_cast<size_t>(i)]);
+  const std::vector<Waiting> waits = scheduler.waiting_of_frames(job, now);
+  // What passes in a moment is not said of the job.
+  constexpr Time kMoment = 2 * kSecond;
+  const bool queues = job.waits == WaitingReason::WorkersBusy && now - job.waits_since >= kMoment && job.leases.empty();
+  const auto first = std::find_if(waits.begin(), waits.end(), [&](const Waiting& waiting) {
+    return blocks(waiting.reason) || (waiting.reason == WaitingReason::WorkersBusy && queues);
+  });
+  if (wire.state_reason().empty() && first != waits.end()) wire.set_state_reason(first->text);
+  for (int i = 0; i < wire.frames_size(); ++i) set_waiting(*wire.mutable_frames(i), waits[static_cast<size_t>(i)]);
   return wire;
+}
+
+void set_waiting(v1::FrameStatus& status, const Waiting& waiting) {
+  status.set_waiting(static_cast<v1::WaitingReason>(static_cast<int>(waiting.reason)));
+  status.set_waiting_reason(waiting.text);
 }
 
 v1::TaskResult result_view(const TaskRef& ref, const SettledTask& task) {
@@ -185,6 +198,8 @@ v1::WorkerStatus to_wire(const WorkerView& worker) {
   wire.set_arithmetic_class(worker.last->arithmetic_class);
   wire.set_leases(static_cast<int64_t>(worker.leases));
   wire.set_silent_ms(worker.silent / 1'000'000);
+  for (const std::string& tag : worker.last->tags) wire.add_tags(tag);
+  wire.set_memory_bytes(worker.last->memory);
   return wire;
 }
 

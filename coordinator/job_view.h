@@ -11,6 +11,7 @@ v1::FrameStatistics to_wire(const FrameStatistics& statistics);
 void add_convergence(const Convergence& record, v1::GetFrameResponse& response);
 /// Without what it waits for.
 v1::FrameStatus frame_view(const Job& job, const Frame& frame);
+void set_waiting(v1::FrameStatus& status, const Waiting& waiting);
 /// Without frames, and without what is under way.
 v1::Job job_view(const JobSpec& spec, const JobRow& row, const JobSummary& summary);
 /// Of a job that has ended, with its frames.

@@ -56,6 +56,18 @@ grpc::Status JobsService::ListResults(grpc::ServerContext*, const v1::ListResult
 grpc::Status JobsService::ListWorkers(grpc::ServerContext*, const v1::ListWorkersRequest* request, v1::ListWorkersResponse* response) {
   return answer([&] { *response = coordinator_.list_workers(request->page_size(), request->page_token()); });
 }
+grpc::Status JobsService::DeleteJob(grpc::ServerContext*, const v1::DeleteJobRequest* request, v1::DeleteJobResponse*) {
+  return answer([&] { coordinator_.remove(request->job_id(), request->cancel()); });
+}
+grpc::Status JobsService::ListEvents(grpc::ServerContext*, const v1::ListEventsRequest* request, v1::ListEventsResponse* response) {
+  return answer([&] { *response = coordinator_.events(request->job_id(), request->page_size(), request->page_token()); });
+}
+grpc::Status JobsService::RetainJobs(grpc::ServerContext*, const v1::RetainJobsRequest* request, v1::RetainJobsResponse* response) {
+  return answer([&] {
+    const Admission::Ticket ticket(retentions_, "questions about retention");
+    *response = coordinator_.retain(*request);
+  });
+}
 grpc::Status JobsService::GetFrame(grpc::ServerContext*, const v1::GetFrameRequest* request, v1::GetFrameResponse* response) {
   return answer([&] {
     // An image that is there waits for nobody.

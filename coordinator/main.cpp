@@ -6,11 +6,14 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <charconv>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <optional>
 #include <thread>
 
+#include "coordinator/control.h"
 #include "coordinator/merge_pool.h"
 #include "coordinator/server.h"
 #include "rpc/address.h"
@@ -18,6 +21,7 @@
 #include "rpc/failure.h"
 #include "rpc/log.h"
 #include "rpc/printable.h"
+#include "rpc/quantities.h"
 #include "rpc/standard_output.h"
 
 namespace {
@@ -32,6 +36,22 @@ constexpr int kPreviewsAtOnce = 2;
   spdlog::critical("{}", reason);
   spdlog::shutdown();
   ::_exit(1);
+}
+
+/// Throws CLI::ValidationError.
+RunQueue::Shares parse_shares(const std::vector<std::string>& texts) {
+  RunQueue::Shares shares;
+  for (const std::string& text : texts) {
+    const size_t equals = text.rfind('=');
+    double share = 0;
+    const char* const end = text.data() + text.size();
+    const auto [read, error] = equals == std::string::npos ? std::from_chars_result{end, std::errc::invalid_argument}
+                                                           : std::from_chars(text.data() + equals + 1, end, share);
+    if (error != std::errc() || read != end || !(share >= 0.01 && share <= 100) || equals == 0)
+      throw CLI::ValidationError("--share", "found \"" + rpc::printable(text) + "\", expected USER=N with N from 0.01 to 100");
+    shares[text.substr(0, equals)] = share;
+  }
+  return shares;
 }
 
 void write_address(const std::string& dir, const std::string& address) {
@@ -56,6 +76,9 @@ int serve(CoordinatorOptions options, const std::string& listen, const std::stri
   options.assemble_tiles = [&pool](const AssembleRequest& request) { return pool.merge(request); };
   Coordinator coordinator(options);
   CoordinatorServer server(coordinator, listen);
+  std::optional<ControlSocket> control;
+  const auto listen_locally = [&] { control.emplace(options.dir, [&](const std::string& target) { return coordinator.back_up(target); }); };
+  if (const auto error = rpc::failure_of(listen_locally)) spdlog::error("no back-up can be made while this coordinator runs: {}", *error);
   write_address(options.dir, server.address());
   std::cout << "listening on " << server.address() << std::endl;
   // Who starts it may read the address there; the farm goes on without.
@@ -63,11 +86,64 @@ int serve(CoordinatorOptions options, const std::string& listen, const std::stri
     spdlog::error("{}; the address is in {}/address", *error, options.dir);
   int signal = 0;
   sigwait(&signals, &signal);
-  spdlog::info("stopping on signal {}", signal);
+  spdlog::info("stopping on signal {}; a second one ends at once", signal);
+  std::thread([signals] {
+    int second = 0;
+    sigwait(&signals, &second);
+    // As after a crash: what was acknowledged is durable.
+    spdlog::warn("ending at once on signal {}", second);
+    spdlog::shutdown();
+    ::_exit(0);
+  }).detach();
+  // Merges are begun again at the next start; nobody waits for them here.
+  coordinator.stop_syncs();
+  pool.stop();
   server.stop();
+  control.reset();
   std::error_code ignored;
   std::filesystem::remove(options.dir + "/address", ignored);
   return 0;
+}
+
+/// What a back-up, or a restored folder, has.
+void describe(const std::string& what, const BackupRecord& record) {
+  std::cout << what << ": " << record.blobs << " files, " << rpc::bytes_text(record.bytes) << ", of which " << record.linked
+            << " are hard links and take no room of their own" << std::endl;
+  if (record.unreadable > 0)
+    std::cerr << "woodcock-coordinator: " << record.unreadable
+              << " files could not be read and are not in it: what they held is rendered again, or asked for again\n";
+}
+
+struct BackupArguments {
+  std::string dir, folder;
+};
+
+/// Adds a command that takes a folder of a coordinator and one of a back-up.
+CLI::App* add_backup_command(CLI::App& app, const std::string& name, const std::string& what, const std::string& folder,
+                             const std::string& dir, BackupArguments& arguments) {
+  CLI::App* command = app.add_subcommand(name, what);
+  command->add_option("folder", arguments.folder, folder)->required();
+  command->add_option("--dir", arguments.dir, dir)->required();
+  return command;
+}
+
+int back_up(const BackupArguments& arguments) {
+  // The coordinator that makes it has another current folder.
+  const std::string target = std::filesystem::absolute(arguments.folder);
+  const std::optional<BackupRecord> record = ask_for_backup(arguments.dir, target);
+  describe("back-up " + rpc::printable(target), record ? *record : back_up_stopped(arguments.dir, target, unix_time_ms()));
+  return 0;
+}
+
+int restore(const BackupArguments& arguments) {
+  describe("restored " + rpc::printable(arguments.dir), restore_backup(arguments.folder, arguments.dir));
+  std::cout << "start it with woodcock-coordinator --dir " << rpc::printable(arguments.dir) << std::endl;
+  return 0;
+}
+
+int report_failure(const std::exception& error) {
+  std::cerr << "woodcock-coordinator: " << rpc::printable_lines(error.what()) << "\n";
+  return 1;
 }
 
 }  // namespace
@@ -99,22 +175,53 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 1 << 30))
       ->capture_default_str();
   app.add_option("--pin", pin_seconds, "Seconds for which unused files are kept")->check(CLI::Range(1, 1 << 30))->capture_default_str();
+  std::string keep_jobs, keep_bytes, forget_workers = "24h";
+  app.add_option(
+      "--keep-jobs", keep_jobs,
+      "How long jobs that have ended are kept, e.g. 90d, 12h; without it until somebody deletes them. `woodcock retain --dry-run` "
+      "lists what would go");
+  app.add_option("--keep-bytes", keep_bytes,
+                 "Bytes of results, images and scenes from which on the jobs go that ended first, e.g. 500G; without it any number");
+  app.add_option("--forget-workers", forget_workers, "After how long nothing is remembered of a worker that left, e.g. 24h")
+      ->capture_default_str();
+  BackupArguments to_back_up, to_restore;
+  const auto* backup_command =
+      add_backup_command(app, "backup", "Write database and files of a coordinator, which may run, to a new folder",
+                         "The folder to make; it must not exist", "Folder of the coordinator", to_back_up);
+  const auto* restore_command = add_backup_command(app, "restore", "Make a coordinator's folder of a back-up, which stays as it is",
+                                                   "Folder of the back-up", "The folder to make; it must not exist", to_restore);
   app.add_option("--test-hook", test_hook, "POINT@N: end as by SIGKILL the N-th time it passes a point that coordinator/failpoint.h names")
       ->group("For tests of fault handling only");
   app.add_option("--merges", options.merges_at_once, "Frames that are merged at once, each in a process of its own")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
+  app.add_option_function<std::vector<std::string>>(
+         "--share", [&options](const std::vector<std::string>& shares) { options.scheduler.shares = parse_shares(shares); },
+         "USER=N: how much of the workers this user is to have beside others, who have 1 each; may be given again")
+      ->allow_extra_args(false);
   app.add_flag("--no-scene-reader", no_scene_reader, "Read no scenes for programs that cannot do so themselves: SubmitScene is refused");
   app.add_option("--merge-server", merge_server_parent, "Merge for the coordinator that is this process (used by the coordinator itself)")
       ->group("");
   try {
     app.parse(argc, argv);
     if (!test_hook.empty()) options.failpoint = kill_at(test_hook);
+    if (!keep_jobs.empty()) options.retention.keep_seconds = rpc::parse_seconds("--keep-jobs", keep_jobs);
+    if (!keep_bytes.empty()) options.retention.keep_bytes = rpc::parse_bytes("--keep-bytes", keep_bytes);
+    const int64_t forget_seconds = std::min<int64_t>(rpc::parse_seconds("--forget-workers", forget_workers), 100LL * 365 * 86400);
+    // Shorter than a worker is waited for it would be forgotten while it is connected.
+    if (forget_seconds < 120) throw std::invalid_argument("--forget-workers: expected 2min or more, found \"" + forget_workers + "\"");
+    options.scheduler.forget_worker = forget_seconds * kSecond;
   } catch (const std::invalid_argument& error) {
     std::cerr << "woodcock-coordinator: " << error.what() << "\n";
     return 2;
   } catch (const CLI::ParseError& error) {
     return rpc::exit_code_with_output(app.exit(error) == 0 ? 0 : 2, "woodcock-coordinator");
+  }
+  try {
+    if (backup_command->parsed()) return rpc::exit_code_with_output(back_up(to_back_up), "woodcock-coordinator");
+    if (restore_command->parsed()) return rpc::exit_code_with_output(restore(to_restore), "woodcock-coordinator");
+  } catch (const std::exception& error) {
+    return report_failure(error);
   }
   if (merge_server_parent > 0) return merge_server_main(merge_server_parent);
   if (options.dir.empty()) {
@@ -136,7 +243,6 @@ int main(int argc, char** argv) {
   try {
     return rpc::exit_code_with_output(serve(options, listen, program), "woodcock-coordinator");
   } catch (const std::exception& error) {
-    std::cerr << "woodcock-coordinator: " << rpc::printable_lines(error.what()) << "\n";
-    return 1;
+    return report_failure(error);
   }
 }

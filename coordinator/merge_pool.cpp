@@ -60,6 +60,9 @@ class MergePool::Server {
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
+  /// Ends a merge that another thread waits for: with an error, there.
+  void kill() const { ::kill(pid_, SIGKILL); }
+
   /// Whether it may be given another merge.
   bool usable() const { return usable_; }
 
@@ -93,12 +96,15 @@ MergePool::MergePool(std::string program, int at_once, std::function<void()> sta
     : program_(std::move(program)), started_(std::move(started)), free_(at_once), starter_([this] { run(); }) {}
 
 MergePool::~MergePool() {
-  {
-    const std::lock_guard lock(mutex_);
-    stopping_ = true;
-  }
-  changed_.notify_all();
+  stop();
   starter_.join();
+}
+
+void MergePool::stop() {
+  const std::lock_guard lock(mutex_);
+  stopping_ = true;
+  for (const Server* server : at_work_) server->kill();
+  changed_.notify_all();
 }
 
 void MergePool::run() {
@@ -142,12 +148,15 @@ std::unique_ptr<MergePool::Server> MergePool::take() {
   }
   std::unique_ptr<Server> server = std::move(idle_.back());
   idle_.pop_back();
+  at_work_.insert(server.get());
   return server;
 }
 
 void MergePool::give_back(std::unique_ptr<Server> server) {
-  if (!server->usable()) server.reset();
+  std::unique_ptr<Server> spent;  // goes when the lock is given back: it waits for the end of a process
   const std::lock_guard lock(mutex_);
+  at_work_.erase(server.get());
+  if (!server->usable()) spent = std::move(server);
   ++free_;
   if (server) idle_.push_back(std::move(server));
   changed_.notify_all();

@@ -12,6 +12,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -32,6 +33,9 @@ class MergePool {
   /// Waits for its turn, then merges, with bounded memory and time. A merge that crashes or takes too long is an error of the result.
   AssembleResult merge(const AssembleRequest& request);
 
+  /// Kills what runs, and refuses more: those who wait get an error.
+  void stop();
+
   /// A frame of 16k × 16k pixels merges in minutes.
   static constexpr std::chrono::minutes kTimeLimit{60};
 
@@ -47,8 +51,9 @@ class MergePool {
   std::condition_variable changed_;
   // Guarded by mutex_:
   std::vector<std::unique_ptr<Server>> idle_;
-  int free_;        // merges that may begin
-  int wanted_ = 0;  // servers that someone waits for
+  std::set<Server*> at_work_;  // owned by those who called merge()
+  int free_;                   // merges that may begin
+  int wanted_ = 0;             // servers that someone waits for
   std::string problem_;
   bool stopping_ = false;
   // A process gets SIGKILL when the thread that started it ends: this one ends with the pool.

@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include "coordinator/policy.h"
 #include "coordinator/quote.h"
 #include "renderer/accuracy/adaptive.h"
 #include "renderer/accuracy/convergence.h"
@@ -57,12 +58,13 @@ struct TimeLimit {
   std::string reason() const;
 };
 
-/// What an extension changes of a job.
+/// What changes of a job after its submit: by an extension, or because a job that it waits for is done.
 struct JobAim {
   std::vector<SampleRange> rounds;  ///< [0, n), cut (submit.h), and what each extension added; what follows in an adaptive job are passes
   std::optional<SamplingTarget> target;  ///< of an adaptive job
   std::optional<TimeLimit> time_limit;   ///< only with a target
   std::optional<JobQuote> quote;         ///< what the user was told that it will cost
+  JobPolicy policy;
 
   bool out_of_time() const { return time_limit && time_limit->over(); }
   int64_t samples() const { return rounds.empty() ? 0 : rounds.back().end; }
@@ -224,6 +226,7 @@ enum class EventKind {
   ResultRefused = 15,
   TaskReused = 16,
   PassDecided = 17,
+  Waiting = 18,
 };
 
 struct JobEvent {
@@ -232,6 +235,36 @@ struct JobEvent {
   EventKind kind = EventKind::Submitted;
   std::optional<uint64_t> frame;  ///< number of the sequence
   std::string task_id, worker_id, message;
+};
+
+/// What keeps a frame from being rendered; the wire has these numbers, and docs/operations.md says of each what to do.
+enum class WaitingReason {
+  None = 0,
+  Paused = 1,
+  DiskFull = 2,
+  SceneMissing = 3,
+  NoWorker = 4,
+  NoFittingWorker = 5,
+  WorkersUnavailable = 6,
+  WorkersPause = 7,
+  WorkersBusy = 8,
+  LookingUp = 9,
+  Committing = 10,
+  Merging = 11,
+  AfterJobs = 12,
+  NoSuitableWorker = 13,
+  MaxWorkers = 14,
+};
+/// Whether nothing more of the frame is leased until somebody does something about it, or another job or worker does. From the others it
+/// goes on by itself.
+inline bool blocks(WaitingReason reason) {
+  return reason != WaitingReason::None && reason != WaitingReason::WorkersBusy && reason != WaitingReason::LookingUp &&
+         reason != WaitingReason::Committing && reason != WaitingReason::Merging && reason != WaitingReason::MaxWorkers;
+}
+
+struct Waiting {
+  WaitingReason reason = WaitingReason::None;
+  std::string text;  ///< a sentence for people
 };
 
 /// What one attempt at a task reported.
@@ -308,6 +341,10 @@ struct LogEvent {
   std::string job;
   JobEvent event;  ///< the time is the coordinator's to fill
 };
+/// Call Scheduler::job_found with the state that the database has of this job, for which others wait.
+struct FindJob {
+  std::string job;
+};
 /// The job has ended. When everything before is durable call Scheduler::release, and keep what it returns in the database only.
 struct ReleaseJob {
   std::string job;
@@ -316,6 +353,6 @@ struct ReleaseJob {
 
 using Action = std::variant<action::PinFrame, action::FindResults, action::CommitTask, action::SplitTask, action::GiveUpTask,
                             action::RecordAttempt, action::SaveLease, action::DropLease, action::AssembleFrame, action::SaveJob,
-                            action::SaveFrame, action::ResetFrame, action::LogEvent, action::ReleaseJob>;
+                            action::SaveFrame, action::ResetFrame, action::LogEvent, action::ReleaseJob, action::FindJob>;
 
 }  // namespace woodcock::coordinator

@@ -8,10 +8,13 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
+#include <tuple>
 #include <unordered_map>
 #include <vector>
 
 #include "coordinator/job.h"
+#include "coordinator/run_queue.h"
 
 namespace woodcock::coordinator {
 
@@ -28,7 +31,10 @@ struct SchedulerOptions {
   Time first_probe = 10 * kSecond;  ///< of a quarantined worker; doubled up to 5 minutes
   Time copy_after = 5 * kSecond;    ///< a running task is not copied to an idle worker before this
   Time copy_queued_after = 2 * kSecond;
-  Time repin_after = 0;  ///< a frame whose build no connected worker has starts again by itself after so long; 0: never
+  Time forget_worker = 24 * 3600 * kSecond;  ///< of a worker that is gone for so long nothing is remembered
+  Time log_wait_after = 10 * kSecond;        ///< a job that waits for so long says so in its events
+  Time repin_after = 0;                      ///< a frame whose build no connected worker has starts again by itself after so long; 0: never
+  RunQueue::Shares shares;
 };
 
 struct LeaseReport {
@@ -65,6 +71,9 @@ struct WorkerReport {
   std::vector<std::string> offered_leases;
   std::vector<FailureReport> failures;
   std::vector<LeaseRelease> releases;
+  std::vector<std::string> tags;  ///< in order, each once
+  int64_t memory = 0;             ///< bytes, for all slots together; 0: not known
+  bool left = false;              ///< this is its last report
 };
 
 enum class ReportStatus { Accepted, OlderIncarnation, OlderSequence };
@@ -91,8 +100,8 @@ struct Answer {
   std::string notice;
 };
 
-enum class WorkerCondition { Ready = 1, Draining, Quarantined };
-/// A connected worker, as it reported itself and as it is treated.
+enum class WorkerCondition { Ready = 1, Draining, Quarantined, Left };
+/// A worker that was heard of within the time-out, as it reported itself and as it is treated.
 struct WorkerView {
   const WorkerReport* last = nullptr;
   WorkerCondition condition = WorkerCondition::Ready;
@@ -112,7 +121,7 @@ Progress progress_of(const FrameCounts& counts);
 
 class Scheduler {
  public:
-  explicit Scheduler(const SchedulerOptions& options) : options_(options) {}
+  explicit Scheduler(const SchedulerOptions& options) : options_(options), queue_(options.shares) {}
 
   // Jobs.
   /// A new job. Its id must be new.
@@ -157,6 +166,8 @@ class Scheduler {
   const std::map<std::string, std::string>& lost_scenes() const { return lost_scenes_; }
 
   // Answers to actions.
+  /// A job of the database, or that it has none of this id: those that wait for it go on or fail, unless it still runs.
+  void job_found(const std::string& job_id, std::optional<JobState> state);
   void frame_pinned(const action::PinFrame& pin);
   /// `reused`: those that are settled now.
   void results_found(const action::FindResults& asked, const std::vector<SettledTask>& reused);
@@ -182,11 +193,15 @@ class Scheduler {
 
   // What people see.
   Progress progress(const Job& job, Time now) const;
-  std::string waiting_reason(const Job& job, const Frame& frame, Time now) const;
+  /// What a frame waits for. Of a frame that has not ended and has no live lease it is never nothing.
+  Waiting waiting(const Job& job, const Frame& frame, Time now) const;
+  std::string waiting_reason(const Job& job, const Frame& frame, Time now) const { return waiting(job, frame, now).text; }
   /// Of each frame.
-  std::vector<std::string> waiting_reasons(const Job& job, Time now) const;
+  std::vector<Waiting> waiting_of_frames(const Job& job, Time now) const;
   size_t live_leases() const { return leases_.size(); }
   int64_t connected_workers(Time now) const;
+  /// Those that are remembered, connected or not.
+  size_t known_workers() const { return workers_.size(); }
   /// At most `limit` of them by id, those after `after`. The views hold until the next event.
   std::vector<WorkerView> list_workers(const std::string& after, size_t limit, Time now) const;
 
@@ -199,6 +214,7 @@ class Scheduler {
     Time granted = 0, last_change = 0;
     int phase = 0;
     int64_t samples_done = 0;
+    int64_t threads = 1;  ///< that the worker gives it
     bool to_send = true;
   };
   struct Worker {
@@ -211,16 +227,6 @@ class Scheduler {
     bool quarantined = false;
   };
 
-  /// The order in which jobs are served: by priority, then by what they got, then by id.
-  struct Turn {
-    int priority = 0;
-    double served = 0;
-    std::string job;
-
-    friend bool operator<(const Turn& a, const Turn& b) {
-      return a.priority != b.priority ? a.priority > b.priority : a.served != b.served ? a.served < b.served : a.job < b.job;
-    }
-  };
   /// A task of a job in memory.
   struct Place {
     Job* job = nullptr;
@@ -237,6 +243,10 @@ class Scheduler {
   void look_ahead(Job& job, Frame& frame);
   void set_ready(Job& job, const Frame& frame);
   void take_turn(Job& job);
+  void wait_for_jobs(Job& job);
+  void stop_waiting(const Job& job);
+  void tell_dependents(const std::string& job, std::optional<JobState> state);
+  void fail_job(Job& job, const std::string& reason);
   void end_leases(Frame& frame, CancelReason reason);
   void save_frame(const Job& job, const Frame& frame);
   void save_job(const Job& job);
@@ -250,35 +260,47 @@ class Scheduler {
   void wake_frame(Job& job, int frame);
   void fail_frame(Job& job, int frame, const std::string& reason);
 
-  bool nobody_fits(const Frame& frame, Time now) const;
+  /// What can be told of workers is the same for all frames of one build whose jobs ask for the same: it is kept in `known`.
+  using KnownWaits = std::map<std::tuple<std::string_view, std::string_view, Demands>, Waiting>;
+  Waiting waiting(const Job& job, const Frame& frame, Time now, KnownWaits& known) const;
+  Waiting waiting_for_workers(const Job& job, const Frame& frame, Time now) const;
+  void log_waits(Time now);
+  void forget_workers(Time now);
+  bool nobody_fits(const Job& job, const Frame& frame, Time now) const;
   bool start_again(Job& job, int frame);
   void repin_overdue(Time now);
-  bool fits(const Worker& worker, const Frame& frame) const;
+  bool meets(const Worker& worker, const Demands& demands) const;
+  bool fits(const Worker& worker, const Job& job, const Frame& frame) const;
+  bool may_join(const std::string& worker_id, const Job& job) const;
   bool connected(const Worker& worker, Time now) const;
   bool available(const Worker& worker, Time now) const;
-  int64_t available_workers(const Frame& frame, Time now) const;
-  bool may_take(const std::string& worker_id, const Frame& frame, const ActiveTask& task, Time now) const;
-  std::optional<int64_t> next_task(const std::string& worker_id, Frame& frame, Time now);
+  int64_t available_workers(const Job& job, const Frame& frame, Time now) const;
+  std::string unmet_demands(const Demands& demands, Time now) const;
+  bool may_take(const std::string& worker_id, const Job& job, const Frame& frame, const ActiveTask& task, Time now) const;
+  std::optional<int64_t> next_task(const std::string& worker_id, const Job& job, Frame& frame, Time now);
   std::optional<TaskRef> choose(const std::string& worker_id, const Worker& worker, Time now);
+  std::vector<std::string> full_jobs_of(const Worker& worker) const;
   void find_stragglers(Time now);
   std::optional<TaskRef> choose_copy(const std::string& worker_id, const Worker& worker, Time now);
   void lease(const TaskRef& task, const std::string& worker_id, Worker& worker, Time now);
+  void hold(Lease lease, Worker& worker, double paths);
+  void give_back_all(const std::string& worker_id, Worker& worker, const std::string& why);
   void end_lease(const std::string& lease_id, std::optional<CancelReason> tell_worker);
   void requeue(const TaskRef& task);
   void settle(Frame& frame, int64_t number);
   void task_failed(const TaskRef& task, const std::string& worker_id, const std::string& why, bool counts, Time now);
   void ask_another(const TaskRef& task, const std::string& worker_id, const std::string& why);
   void split_or_give_up(const TaskRef& task, const std::string& why);
-  bool scene_is_bad(const Frame& frame, Time now) const;
+  bool scene_is_bad(const Job& job, const Frame& frame, Time now) const;
   void blame_others(const ActiveTask& task, const std::string& winner);
   bool adopt(const LeaseReport& report, const std::string& worker_id, Worker& worker, Time now);
 
   SchedulerOptions options_;
-  std::map<std::string, Job> jobs_;      // that run, and those that have ended and are not released yet
-  std::map<std::string, Turn> turns_;    // of the jobs that have something to lease
-  std::set<Turn> runnable_;              // the same, in order
-  std::vector<std::string> ended_;       // whose release is to be asked for
-  std::vector<std::string> stragglers_;  // leases that are worth a copy, the oldest first
+  std::map<std::string, Job> jobs_;                          // that run, and those that have ended and are not released yet
+  RunQueue queue_;                                           // of those that have something to lease
+  std::map<std::string, std::set<std::string>> dependents_;  // by the job that they wait for
+  std::vector<std::string> ended_;                           // whose release is to be asked for
+  std::vector<std::string> stragglers_;                      // leases that are worth a copy, the oldest first
   Time stragglers_found_ = 0;
   std::map<std::string, Worker> workers_;
   std::unordered_map<std::string, Lease> leases_;

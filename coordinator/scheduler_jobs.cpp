@@ -34,9 +34,15 @@ void Scheduler::log(const std::string& id, EventKind kind, std::optional<uint64_
 }
 
 std::vector<Action> Scheduler::take_actions() {
-  // Last, so that all that belongs to the end comes before.
-  for (const std::string& id : std::exchange(ended_, {}))
-    if (const Job* job = find(id); job && has_ended(job->row.state)) actions_.push_back(action::ReleaseJob{id});
+  // Last, so that all that belongs to the end comes before. The end of one job may be that of others.
+  for (size_t i = 0; i < ended_.size(); ++i) {
+    const std::string id = ended_[i];
+    const Job* job = find(id);
+    if (!job || !has_ended(job->row.state)) continue;
+    tell_dependents(id, job->row.state);
+    actions_.push_back(action::ReleaseJob{id});
+  }
+  ended_.clear();
   return std::exchange(actions_, {});
 }
 
@@ -46,20 +52,9 @@ void Scheduler::save_frame(const Job& job, const Frame& frame) {
   actions_.push_back(action::SaveFrame{job.spec.id, static_cast<int>(&frame - job.frames.data()), frame.row});
 }
 
-/// Puts the job where its turn is, or takes it out when there is nothing to lease.
-void Scheduler::take_turn(Job& job) {
-  const auto old = turns_.find(job.spec.id);
-  const bool runnable = !has_ended(job.row.state) && !job.row.paused && !job.ready.empty();
-  if (old != turns_.end()) {
-    if (runnable && old->second.served == job.served) return;
-    runnable_.erase(old->second);
-    turns_.erase(old);
-  }
-  if (!runnable) return;
-  const Turn turn{job.spec.priority, job.served, job.spec.id};
-  turns_.emplace(job.spec.id, turn);
-  runnable_.insert(turn);
-}
+/// Puts the job where its turn is, or takes it out when there is nothing to lease. One that has as many workers as it may is in no
+/// queue: those look for it (full_jobs_of).
+void Scheduler::take_turn(Job& job) { queue_.set_queued(job.spec.id, job.is_runnable() && !job.is_full()); }
 
 /// The frame may have something to lease.
 void Scheduler::set_ready(Job& job, const Frame& frame) {
@@ -69,13 +64,7 @@ void Scheduler::set_ready(Job& job, const Frame& frame) {
 
 Job& Scheduler::insert(Job added) {
   Job& job = jobs_.emplace(added.spec.id, std::move(added)).first->second;
-  // A newcomer shares from now on; it does not catch up on what others got before.
-  bool any = false;
-  for (const auto& [id, other] : jobs_) {
-    if (&other == &job || has_ended(other.row.state) || other.spec.priority != job.spec.priority) continue;
-    job.served = any ? std::min(job.served, other.served) : other.served;
-    any = true;
-  }
+  queue_.add(job.spec.id, job.spec.priority, job.spec.policy.user, job.spec.policy.demands);
   return job;
 }
 
@@ -83,6 +72,7 @@ void Scheduler::add_job(Job added) {
   const std::string id = added.spec.id;
   Job& job = insert(std::move(added));
   for (const Frame& frame : job.frames) job.ready.insert(job.ready.end(), static_cast<size_t>(&frame - job.frames.data()));
+  wait_for_jobs(job);
   take_turn(job);
   log(id, EventKind::Submitted, {}, "", "", job.spec.name);
 }
@@ -91,6 +81,7 @@ void Scheduler::recover_job(Job recovered, const std::vector<LeaseRow>& leases, 
   const std::string id = recovered.spec.id;
   Job& job = insert(std::move(recovered));
   if (job.row.last_event == 0) log(id, EventKind::Submitted, {}, "", "", job.spec.name);
+  wait_for_jobs(job);
   for (const Frame& frame : job.frames) {
     job.leased_ever = job.leased_ever || frame.row.pinned;
     if (frame.unsettled > 0 && !has_ended(frame.row.state)) set_ready(job, frame);
@@ -110,11 +101,7 @@ void Scheduler::recover_job(Job recovered, const std::vector<LeaseRow>& leases, 
     lease.epoch = row.epoch;
     lease.granted = lease.last_change = now;
     lease.to_send = false;
-    task->leases.push_back(lease.id);
-    task->epoch = std::max(task->epoch, lease.epoch);
-    workers_[row.worker_id].leases.insert(lease.id);
-    job.leases.insert(lease.id);
-    leases_.emplace(lease.id, lease);
+    hold(std::move(lease), workers_[row.worker_id], 0);
   }
   for (size_t i = 0; i < job.frames.size(); ++i) {
     check_frame(job, static_cast<int>(i));
@@ -135,8 +122,7 @@ std::optional<Job> Scheduler::release(const std::string& id) {
   if (it == jobs_.end() || !has_ended(it->second.row.state) || !it->second.leases.empty()) return std::nullopt;
   for (const Frame& frame : it->second.frames)
     if (frame.pin_pending || frame.looking_up > frame.looked_up || frame.any_committing()) return std::nullopt;
-  it->second.ready.clear();
-  take_turn(it->second);
+  queue_.remove(id);
   std::optional<Job> job(std::move(it->second));
   jobs_.erase(it);
   return job;
@@ -157,6 +143,7 @@ bool Scheduler::cancel(const std::string& id) {
     save_frame(*job, frame);
   }
   set_state(*job, JobState::Cancelled, "cancelled by a user");
+  take_turn(*job);
   return true;
 }
 
@@ -217,7 +204,10 @@ void Scheduler::set_state(Job& job, JobState state, const std::string& reason) {
   job.row.state = state;
   job.row.reason = reason;
   save_job(job);
-  if (has_ended(state)) ended_.push_back(job.spec.id);
+  if (has_ended(state)) {
+    ended_.push_back(job.spec.id);
+    stop_waiting(job);
+  }
   if (changed) log(job.spec.id, EventKind::StateChanged, {}, "", "", std::string(to_string(state)) + (reason.empty() ? "" : ": " + reason));
 }
 

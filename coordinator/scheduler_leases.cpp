@@ -4,27 +4,22 @@
 #include "coordinator/scheduler.h"
 
 namespace woodcock::coordinator {
-namespace {
-
-/// Of a worker that is gone for so long nothing is remembered.
-constexpr Time kForgetWorker = 24 * 3600 * kSecond;
-
-}  // namespace
-
-bool Scheduler::fits(const Worker& worker, const Frame& frame) const {
-  return !frame.row.pinned || (worker.last.build == frame.row.build && worker.last.arithmetic_class == frame.row.arithmetic_class);
+bool Scheduler::fits(const Worker& worker, const Job& job, const Frame& frame) const {
+  return (!frame.row.pinned || (worker.last.build == frame.row.build && worker.last.arithmetic_class == frame.row.arithmetic_class)) &&
+         meets(worker, job.spec.policy.demands);
 }
 
 bool Scheduler::connected(const Worker& worker, Time now) const {
-  return worker.last_seen > 0 && now - worker.last_seen <= options_.worker_timeout;
+  return !worker.last.left && worker.last_seen > 0 && now - worker.last_seen <= options_.worker_timeout;
 }
 
 bool Scheduler::available(const Worker& worker, Time now) const {
   return connected(worker, now) && !worker.last.draining && !worker.quarantined;
 }
 
-int64_t Scheduler::available_workers(const Frame& frame, Time now) const {
-  return std::count_if(workers_.begin(), workers_.end(), [&](const auto& w) { return available(w.second, now) && fits(w.second, frame); });
+int64_t Scheduler::available_workers(const Job& job, const Frame& frame, Time now) const {
+  return std::count_if(workers_.begin(), workers_.end(),
+                       [&](const auto& w) { return available(w.second, now) && fits(w.second, job, frame); });
 }
 
 int64_t Scheduler::connected_workers(Time now) const {
@@ -35,10 +30,12 @@ std::vector<WorkerView> Scheduler::list_workers(const std::string& after, size_t
   std::vector<WorkerView> list;
   for (auto it = workers_.upper_bound(after); it != workers_.end() && list.size() < limit; ++it) {
     const Worker& worker = it->second;
-    if (!connected(worker, now)) continue;
-    const WorkerCondition condition = worker.last.draining ? WorkerCondition::Draining
-                                      : worker.quarantined ? WorkerCondition::Quarantined
-                                                           : WorkerCondition::Ready;
+    if (!worker.last.left && !connected(worker, now)) continue;
+    if (now - worker.last_seen > options_.worker_timeout) continue;
+    const WorkerCondition condition = worker.last.left       ? WorkerCondition::Left
+                                      : worker.last.draining ? WorkerCondition::Draining
+                                      : worker.quarantined   ? WorkerCondition::Quarantined
+                                                             : WorkerCondition::Ready;
     list.push_back({&worker.last, condition, worker.leases.size(), now - worker.last_seen});
   }
   return list;
@@ -50,7 +47,12 @@ void Scheduler::end_lease(const std::string& lease_id, std::optional<CancelReaso
   if (it == leases_.end()) return;
   const Lease lease = it->second;
   leases_.erase(it);
-  if (Job* job = job_of(lease.task.job)) job->leases.erase(lease.id);
+  if (Job* job = job_of(lease.task.job)) {
+    job->leases.erase(lease.id);
+    if (const auto held = job->workers.find(lease.worker_id); --held->second == 0) job->workers.erase(held);
+    queue_.lease_ends(lease.task.job, lease.threads);
+    take_turn(*job);
+  }
   if (const Place place = place_of(lease.task))
     if (ActiveTask* task = place.frame->find_active(lease.task.number)) std::erase(task->leases, lease.id);
   Worker& worker = workers_[lease.worker_id];
@@ -75,19 +77,40 @@ void Scheduler::requeue(const TaskRef& ref) {
   set_ready(*place.job, *place.frame);
 }
 
+/// The lease is live from now on; its job got `paths` by it.
+void Scheduler::hold(Lease lease, Worker& worker, double paths) {
+  const Place place = place_of(lease.task);
+  ActiveTask& task = place.frame->active[lease.task.number];
+  task.epoch = std::max(task.epoch, lease.epoch);
+  task.leases.push_back(lease.id);
+  lease.threads = worker.last.threads;
+  worker.leases.insert(lease.id);
+  place.job->leases.insert(lease.id);
+  ++place.job->workers[lease.worker_id];
+  queue_.lease_begins(lease.task.job, lease.threads, paths);
+  take_turn(*place.job);
+  const std::string id = lease.id;
+  leases_.emplace(id, std::move(lease));
+}
+
+/// No failures: the tasks go to others.
+void Scheduler::give_back_all(const std::string& worker_id, Worker& worker, const std::string& why) {
+  for (const std::string& id : std::set<std::string>(worker.leases)) {
+    const TaskRef task = leases_.at(id).task;
+    end_lease(id, std::nullopt);
+    log(task.job, EventKind::LeaseReleased, {}, to_string(task), worker_id, why);
+    requeue(task);
+  }
+}
+
 ReportStatus Scheduler::report(const WorkerReport& report, Time now) {
   Worker& worker = workers_[report.worker_id];
   if (worker.last_seen > 0) {
     if (report.incarnation < worker.last.incarnation) return ReportStatus::OlderIncarnation;
     if (report.incarnation == worker.last.incarnation && report.sequence <= worker.last.sequence) return ReportStatus::OlderSequence;
     if (report.incarnation > worker.last.incarnation) {
-      // It was started again and knows nothing of its leases; what it had finished it will offer from its spool.
-      for (const std::string& id : std::set<std::string>(worker.leases)) {
-        const TaskRef task = leases_.at(id).task;
-        end_lease(id, std::nullopt);
-        log(task.job, EventKind::LeaseReleased, {}, to_string(task), report.worker_id, "the worker was started again");
-        requeue(task);
-      }
+      // It knows nothing of its leases; what it had finished it will offer from its spool.
+      give_back_all(report.worker_id, worker, "the worker was started again");
       worker.ended.clear();
     }
   }
@@ -136,7 +159,7 @@ ReportStatus Scheduler::report(const WorkerReport& report, Time now) {
       const Place place = place_of(ref);
       if (!place) continue;
       ++place.frame->scene_failures[report.worker_id];
-      if (scene_is_bad(*place.frame, now))
+      if (scene_is_bad(*place.job, *place.frame, now))
         fail_frame(*place.job, ref.frame, why);
       else
         ask_another(ref, report.worker_id, why);
@@ -153,6 +176,7 @@ ReportStatus Scheduler::report(const WorkerReport& report, Time now) {
     log(task.job, EventKind::LeaseReleased, {}, to_string(task), report.worker_id, "given back");
     requeue(task);
   }
+  if (report.left) give_back_all(report.worker_id, worker, "the worker left");
   // A lease the worker does not speak of never reached it: grant it again.
   for (const std::string& id : worker.leases) leases_.at(id).to_send = !known.contains(id);
   return ReportStatus::Accepted;
@@ -164,11 +188,11 @@ bool Scheduler::adopt(const LeaseReport& report, const std::string& worker_id, W
   const Place place = ref ? place_of(*ref) : Place{};
   if (!place || place.frame->state(ref->number) != TaskState::Open || leases_.contains(report.lease_id)) return false;
   Frame& frame = *place.frame;
-  if (!frame.being_rendered() || !frame.row.pinned || !fits(worker, frame)) return false;
+  if (!frame.being_rendered() || !frame.row.pinned || !fits(worker, *place.job, frame) || !may_join(worker_id, *place.job)) return false;
   const ActiveTask* known = frame.find_active(ref->number);
   if (known && (!known->leases.empty() || report.epoch <= known->epoch)) return false;
   if (report.epoch >> 32 >= options_.leader_term) return false;
-  ActiveTask* task = &frame.active[ref->number];
+  ActiveTask& task = frame.active[ref->number];
   Lease lease;
   lease.id = report.lease_id;
   lease.task = *ref;
@@ -178,14 +202,10 @@ bool Scheduler::adopt(const LeaseReport& report, const std::string& worker_id, W
   lease.granted = lease.last_change = now;
   lease.phase = report.phase;
   lease.to_send = false;
-  task->epoch = report.epoch;
-  task->leases.push_back(lease.id);
   frame.retry.erase(ref->number);
-  task->retry = false;
-  worker.leases.insert(lease.id);
-  place.job->leases.insert(lease.id);
+  task.retry = false;
   actions_.push_back(action::SaveLease{{lease.id, *ref, worker_id, lease.epoch}});
-  leases_.emplace(lease.id, lease);
+  hold(std::move(lease), worker, 0);
   return true;
 }
 
@@ -207,19 +227,25 @@ void Scheduler::tick(Time now) {
     // One expiry says nothing about the task: machines go away. A task whose leases expire again and again does.
     task_failed(lease.task, lease.worker_id, "lease expired", ++task->expirations >= options_.poison_workers, now);
   }
-  std::erase_if(workers_, [&](const auto& entry) {
-    const Worker& worker = entry.second;
-    return worker.leases.empty() && worker.last_seen > 0 && now - worker.last_seen > kForgetWorker;
-  });
+  forget_workers(now);
+  log_waits(now);
   for (auto& [id, job] : jobs_)
     while (!job.recent.empty() && now - job.recent.front().first > 60 * kSecond && job.recent.size() > 1) job.recent.pop_front();
 }
 
-bool Scheduler::may_take(const std::string& worker_id, const Frame& frame, const ActiveTask& task, Time now) const {
+/// One that has no lease and was not heard of for long, or not at all since the start: a lease of before named it.
+void Scheduler::forget_workers(Time now) {
+  std::erase_if(workers_, [&](const auto& entry) {
+    const Worker& worker = entry.second;
+    return worker.leases.empty() && (worker.last_seen == 0 || now - worker.last_seen > options_.forget_worker);
+  });
+}
+
+bool Scheduler::may_take(const std::string& worker_id, const Job& job, const Frame& frame, const ActiveTask& task, Time now) const {
   if (std::find(task.failed_workers.begin(), task.failed_workers.end(), worker_id) == task.failed_workers.end()) return true;
   // It failed here: again only if nobody else could take it.
   return std::none_of(workers_.begin(), workers_.end(), [&](const auto& w) {
-    return available(w.second, now) && fits(w.second, frame) &&
+    return available(w.second, now) && fits(w.second, job, frame) &&
            std::find(task.failed_workers.begin(), task.failed_workers.end(), w.first) == task.failed_workers.end();
   });
 }
@@ -252,9 +278,9 @@ void Scheduler::look_ahead(Job& job, Frame& frame) {
   }
 }
 
-std::optional<int64_t> Scheduler::next_task(const std::string& worker_id, Frame& frame, Time now) {
+std::optional<int64_t> Scheduler::next_task(const std::string& worker_id, const Job& job, Frame& frame, Time now) {
   for (const int64_t number : frame.retry)
-    if (may_take(worker_id, frame, frame.active.at(number), now)) return number;
+    if (may_take(worker_id, job, frame, frame.active.at(number), now)) return number;
   while (const auto number = frame.tasks.next_open(frame.next_fresh, frame.looked_up)) {
     frame.next_fresh = *number;
     const ActiveTask* task = frame.find_active(*number);
@@ -268,13 +294,14 @@ std::optional<int64_t> Scheduler::next_task(const std::string& worker_id, Frame&
 std::optional<TaskRef> Scheduler::choose(const std::string& worker_id, const Worker& worker, Time now) {
   std::vector<Job*> without;
   std::optional<TaskRef> chosen;
-  for (const Turn& turn : runnable_) {
-    Job& job = jobs_.at(turn.job);
+  const auto meets_these = [&](const Demands& demands) { return meets(worker, demands); };
+  queue_.visit(meets_these, full_jobs_of(worker), [&](const std::string& job_id) {
+    Job& job = jobs_.at(job_id);
     std::optional<size_t> to_pin;
     bool waits = false;
     for (auto it = job.ready.begin(); it != job.ready.end() && !chosen;) {
       Frame& frame = job.frames[*it];
-      const bool fits_here = !frame.pin_pending && fits(worker, frame);
+      const bool fits_here = !frame.pin_pending && fits(worker, job, frame);
       if (frame.being_rendered() && fits_here && frame.row.pinned) look_ahead(job, frame);
       const bool used_up = frame.row.pinned && frame.retry.empty() && frame.next_fresh >= frame.tasks.size();
       if (!frame.being_rendered() || frame.unsettled == 0 || used_up) {
@@ -288,12 +315,12 @@ std::optional<TaskRef> Scheduler::choose(const std::string& worker_id, const Wor
         if (!to_pin) to_pin = index;
         continue;
       }
-      if (const std::optional<int64_t> number = next_task(worker_id, frame, now))
+      if (const std::optional<int64_t> number = next_task(worker_id, job, frame, now))
         chosen = TaskRef{job.spec.id, static_cast<int>(index), *number};
       else
         waits = waits || frame.looking_up > frame.looked_up;
     }
-    if (chosen) break;
+    if (chosen) return true;
     if (to_pin && !waits) {
       Frame& frame = job.frames[*to_pin];
       frame.pin_pending = true;
@@ -304,9 +331,10 @@ std::optional<TaskRef> Scheduler::choose(const std::string& worker_id, const Wor
       actions_.push_back(std::move(pin));
     }
     // While a frame is being pinned, or its results looked up, its job waits rather than lose its turn.
-    if (to_pin || waits) break;
+    if (to_pin || waits) return true;
     if (job.ready.empty()) without.push_back(&job);
-  }
+    return false;
+  });
   for (Job* job : without) take_turn(*job);
   return chosen;
 }
@@ -344,8 +372,8 @@ std::optional<TaskRef> Scheduler::choose_copy(const std::string& worker_id, cons
     if (it == leases_.end() || it->second.worker_id == worker_id) continue;
     const Lease& lease = it->second;
     const Place place = place_of(lease.task);
-    if (!place || place.job->row.paused || place.frame->state(lease.task.number) != TaskState::Open || !fits(worker, *place.frame))
-      continue;
+    if (!place || place.job->row.paused || place.frame->state(lease.task.number) != TaskState::Open) continue;
+    if (!fits(worker, *place.job, *place.frame) || !may_join(worker_id, *place.job)) continue;
     const ActiveTask* task = place.frame->find_active(lease.task.number);
     if (!task || task->leases.size() != 1) continue;
     if (std::find(task->failed_workers.begin(), task->failed_workers.end(), worker_id) != task->failed_workers.end()) continue;
@@ -367,17 +395,11 @@ void Scheduler::lease(const TaskRef& ref, const std::string& worker_id, Worker& 
   lease.worker_id = worker_id;
   lease.granted = lease.last_change = now;
   const bool copy = !task.leases.empty();
-  task.epoch = lease.epoch;
-  task.leases.push_back(lease.id);
   frame.retry.erase(ref.number);
   task.retry = false;
-  worker.leases.insert(lease.id);
-  job.leases.insert(lease.id);
-  job.served += static_cast<double>(frame.tasks.area(ref.number).samples());
-  take_turn(job);
   actions_.push_back(action::SaveLease{{lease.id, ref, worker_id, lease.epoch}});
   log(ref.job, copy ? EventKind::StragglerCopied : EventKind::LeaseGranted, frame.spec.header.frame, to_string(ref), worker_id, "");
-  leases_.emplace(lease.id, std::move(lease));
+  hold(std::move(lease), worker, static_cast<double>(frame.tasks.area(ref.number).samples()));
   if (frame.row.state == FrameState::Queued) frame.row.state = FrameState::Running;
   if (!job.leased_ever) {
     job.leased_ever = true;
@@ -404,7 +426,7 @@ Answer Scheduler::answer(const std::string& worker_id, Time now) {
     answer.notice = hold_reason_;
     room = 0;
   }
-  if (worker.last.draining) room = 0;
+  if (worker.last.draining || worker.last.left) room = 0;
   while (worker.leases.size() < room) {
     std::optional<TaskRef> task = choose(worker_id, worker, now);
     if (!task && worker.leases.size() < static_cast<size_t>(worker.last.slots)) task = choose_copy(worker_id, worker, now);

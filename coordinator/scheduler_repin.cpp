@@ -5,9 +5,10 @@
 
 namespace woodcock::coordinator {
 
-bool Scheduler::nobody_fits(const Frame& frame, Time now) const {
+bool Scheduler::nobody_fits(const Job& job, const Frame& frame, Time now) const {
   return frame.row.pinned && frame.being_rendered() && frame.unsettled > 0 &&
-         std::none_of(workers_.begin(), workers_.end(), [&](const auto& w) { return connected(w.second, now) && fits(w.second, frame); });
+         std::none_of(workers_.begin(), workers_.end(),
+                      [&](const auto& w) { return connected(w.second, now) && fits(w.second, job, frame); });
 }
 
 /// The frame as it was submitted: tiles of two builds never make one picture. False while something of it is under way.
@@ -35,7 +36,7 @@ std::optional<int64_t> Scheduler::repin(const std::string& id, Time now) {
   if (!job || has_ended(job->row.state)) return 0;
   int64_t started = 0;
   for (size_t i = 0; i < job->frames.size(); ++i) {
-    if (!nobody_fits(job->frames[i], now)) continue;
+    if (!nobody_fits(*job, job->frames[i], now)) continue;
     if (!start_again(*job, static_cast<int>(i))) return std::nullopt;
     ++started;
   }
@@ -48,7 +49,7 @@ void Scheduler::repin_overdue(Time now) {
     if (has_ended(job.row.state)) continue;
     for (size_t i = job.first_unfinished; i < job.frames.size(); ++i) {
       Frame& frame = job.frames[i];
-      if (!nobody_fits(frame, now))
+      if (!nobody_fits(job, frame, now))
         frame.unfit_since = 0;
       else if (frame.unfit_since == 0)
         frame.unfit_since = now;

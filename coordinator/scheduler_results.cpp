@@ -1,6 +1,5 @@
 // Results and failures: what an offer is worth, what a failing task becomes, whose fault it was.
 #include <algorithm>
-#include <string_view>
 
 #include "coordinator/scheduler.h"
 #include "coordinator/task_grid.h"
@@ -111,10 +110,11 @@ void Scheduler::task_failed(const TaskRef& ref, const std::string& worker_id, co
   if (!task) return;
   task->error = why;
   // While its result is looked for it cannot be settled otherwise.
-  if (counts && !place_of(ref).frame->is_looked_up(ref.number)) {
+  const Place place = place_of(ref);
+  if (counts && !place.frame->is_looked_up(ref.number)) {
     if (std::find(task->failed_workers.begin(), task->failed_workers.end(), worker_id) == task->failed_workers.end())
       task->failed_workers.push_back(worker_id);
-    const int64_t others = std::max<int64_t>(1, available_workers(*place_of(ref).frame, now));
+    const int64_t others = std::max<int64_t>(1, available_workers(*place.job, *place.frame, now));
     if (static_cast<int64_t>(task->failed_workers.size()) >= std::min<int64_t>(options_.poison_workers, others)) {
       split_or_give_up(ref, why);
       return;
@@ -124,11 +124,12 @@ void Scheduler::task_failed(const TaskRef& ref, const std::string& worker_id, co
 }
 
 /// A scene that cannot be read fails its frame when two workers say so. Where there is one worker only it must say so twice.
-bool Scheduler::scene_is_bad(const Frame& frame, Time now) const {
+bool Scheduler::scene_is_bad(const Job& job, const Frame& frame, Time now) const {
   if (frame.scene_failures.size() != 1) return frame.scene_failures.size() > 1;
   const auto& [only, times] = *frame.scene_failures.begin();
-  const bool another = std::any_of(workers_.begin(), workers_.end(),
-                                   [&](const auto& w) { return w.first != only && available(w.second, now) && fits(w.second, frame); });
+  const bool another = std::any_of(workers_.begin(), workers_.end(), [&, me = std::string_view(only)](const auto& w) {
+    return w.first != me && available(w.second, now) && fits(w.second, job, frame);
+  });
   return !another && times > 1;
 }
 
@@ -250,38 +251,6 @@ bool Scheduler::result_refused(const TaskRef& ref, const ResultRecord& result, c
   reopen(ref, result, reason);
   if (!again) fail_frame(*place.job, ref.frame, reason);
   return true;
-}
-
-std::vector<std::string> Scheduler::waiting_reasons(const Job& job, Time now) const {
-  std::vector<std::string> reasons(job.frames.size());
-  // Frames of one build, or of none yet, wait for the same workers, who are looked through once.
-  std::map<std::pair<std::string_view, std::string_view>, std::string> of_build;
-  for (size_t i = 0; i < job.frames.size(); ++i) {
-    const Frame& frame = job.frames[i];
-    if (has_ended(frame.row.state) || frame.unsettled == 0) continue;
-    if (lost_scenes_.contains(frame.spec.manifest_digest)) {
-      reasons[i] = waiting_reason(job, frame, now);
-      continue;
-    }
-    const auto [it, first] = of_build.try_emplace({frame.row.build, frame.row.arithmetic_class});
-    if (first) it->second = waiting_reason(job, frame, now);
-    reasons[i] = it->second;
-  }
-  return reasons;
-}
-
-std::string Scheduler::waiting_reason(const Job& job, const Frame& frame, Time now) const {
-  if (has_ended(job.row.state) || has_ended(frame.row.state) || frame.unsettled == 0) return {};
-  if (job.row.paused) return "the job is paused";
-  if (!hold_reason_.empty()) return hold_reason_;
-  if (const auto lost = lost_scenes_.find(frame.spec.manifest_digest); lost != lost_scenes_.end()) return lost->second;
-  if (connected_workers(now) == 0) return "no worker is connected";
-  if (available_workers(frame, now) == 0) {
-    if (!frame.row.pinned) return "every connected worker is draining or quarantined";
-    return "no connected worker has build " + frame.row.build + " and arithmetic class " + frame.row.arithmetic_class +
-           "; `woodcock repin` starts it again for those there are";
-  }
-  return {};
 }
 
 }  // namespace woodcock::coordinator

@@ -53,11 +53,14 @@ class JobsService final : public v1::JobsService::WithCallbackMethod_WatchJob<v1
   grpc::Status RepinJob(grpc::ServerContext*, const v1::RepinJobRequest*, v1::RepinJobResponse*) override;
   grpc::Status ListResults(grpc::ServerContext*, const v1::ListResultsRequest*, v1::ListResultsResponse*) override;
   grpc::Status ListWorkers(grpc::ServerContext*, const v1::ListWorkersRequest*, v1::ListWorkersResponse*) override;
+  grpc::Status DeleteJob(grpc::ServerContext*, const v1::DeleteJobRequest*, v1::DeleteJobResponse*) override;
+  grpc::Status ListEvents(grpc::ServerContext*, const v1::ListEventsRequest*, v1::ListEventsResponse*) override;
+  grpc::Status RetainJobs(grpc::ServerContext*, const v1::RetainJobsRequest*, v1::RetainJobsResponse*) override;
 
  private:
   Coordinator& coordinator_;
   Watchers watchers_;
-  Admission merges_{2};
+  Admission merges_{2}, retentions_{2};
 };
 
 class BlobsService final : public v1::BlobsService::Service {

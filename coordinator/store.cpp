@@ -69,6 +69,14 @@ const std::vector<std::vector<const char*>> kUpgrades{
      "create index jobs_by_time on jobs (submitted_ms desc, job_id)", "create index jobs_running on jobs (submitted_ms) where state < 4",
      "create index jobs_uncounted on jobs (job_id) where state >= 4 and summary = ''",
      "create index settled_not_done on settled (job_id, frame, number) where state > 2"},
+    // Who has a result is counted, so that it can go with the last one. Jobs are deleted in steps.
+    {"alter table results add column uses bigint not null default 0", "alter table results add column freed_ms bigint not null default 0",
+     "create index upgrade_keys on settled (result_key)",
+     "update results set uses = (select count(*) from settled where settled.result_key = results.result_key and settled.state = 2)",
+     "drop index upgrade_keys", "create index results_unused on results (freed_ms) where uses <= 0",
+     "create index jobs_ended on jobs (ended_ms, job_id) where state >= 4", "create index frames_by_image on frames (image_digest)",
+     "create index frames_by_manifest on frames (manifest_digest)", "create table deletions (job_id text primary key)"},
+    {"alter table jobs add column policy text not null default ''"},
 };
 
 constexpr std::chrono::milliseconds kLongestBatch{20};
@@ -208,12 +216,13 @@ void Store::work_off() {
   for (;;) {
     {
       std::unique_lock lock(mutex_);
-      wake_.wait(lock, [&] { return stopping_ || !queue_.empty(); });
-      if (queue_.empty()) return;
+      wake_.wait(lock, [&] { return stopping_ || copy_ || !queue_.empty(); });
+      if (queue_.empty() && stopping_ && !copy_) return;
     }
     std::vector<Operation> batch;
     try {
       write_batch(batch);
+      step_copy();
       {
         const std::lock_guard lock(mutex_);
         durable_ += batch.size();
@@ -225,6 +234,7 @@ void Store::work_off() {
         failed_ = true;
       }
       flushed_.notify_all();
+      end_copy(std::current_exception());
       // What was acknowledged is durable, what was not is repeated by those who asked: the only safe answer is none.
       options_.on_fatal(std::string("the database failed: ") + error.what());
       return;
@@ -237,6 +247,10 @@ void Store::work_off() {
 
 /// Takes what waits, as much as is written within a moment: whoever reads waits for one batch, and its own.
 void Store::write_batch(std::vector<Operation>& batch) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (queue_.empty()) return;
+  }
   soci::transaction transaction(*sql_);
   StoreSession session(*sql_);
   bool fenced = false;

@@ -47,13 +47,19 @@ struct TableKey {
   int64_t frame = -1, number = -1;
 };
 
+/// A job that has ended, as retention sees it.
+struct EndedJob {
+  std::string id, name;
+  int64_t ended_unix_ms = 0;
+};
+
 /// The statements, inside a transaction of the store's thread. SQL that SQLite and PostgreSQL both take.
 class StoreSession {
  public:
   explicit StoreSession(soci::session& sql) : sql_(sql) {}
 
   // Jobs and frames.
-  /// Nothing when its id or request id is taken: then returns false.
+  /// Nothing when its id or request id is taken, or while the rows of a job of this id are still going: then returns false.
   bool insert_job(const NewJob& job);
   bool insert_job(const JobSpec& job) { return insert_job(NewJob(job)); }
   void save_job(const std::string& job_id, const JobAim& aim, const JobRow& row);
@@ -72,9 +78,34 @@ class StoreSession {
   /// With its frames and, where they are kept, their counts; without tasks.
   std::optional<Job> load_job(const std::string& job_id);
 
+  // Jobs that go. A job is taken out in one transaction, and its other rows in steps; `deletions` remembers it until the last is gone.
+  /// True: nobody finds the job any more. False where there is no such job, or it has not ended.
+  bool begin_delete(const std::string& job_id);
+  bool is_being_deleted(const std::string& job_id);
+  std::vector<std::string> deletions(int limit);
+  /// Deletes at most `limit` rows of a job that was taken out, and the results that no other job has. True when none was left.
+  bool delete_step(const std::string& job_id, int limit);
+  /// At most `limit` jobs that have ended, those that ended first before the others, of one time by id: those after `after`.
+  std::vector<EndedJob> ended_jobs(const EndedJob& after, int limit);
+  /// Bytes of the results that no task has any more.
+  int64_t unused_bytes();
+  /// Deletes at most `limit` of those whose last task went at that time or earlier. Returns how many.
+  int64_t delete_unused(int64_t freed_unix_ms, int limit);
+  /// How many tasks have the result; 0 where there is none of this key.
+  int64_t uses_of_result(const std::string& key);
+  int64_t frames_with_image(const std::string& digest);
+  int64_t frames_with_manifest(const std::string& digest);
+  /// Image, its bytes, and manifest of the frames of a job, from one on, at most `limit`.
+  struct FrameBlobs {
+    int frame = 0;
+    std::string image, manifest;
+    int64_t image_bytes = 0;
+  };
+  std::vector<FrameBlobs> frame_blobs(const std::string& job_id, int from, int limit);
+
   // Tasks.
-  /// Forgets which of its tasks are settled, and how. Results stay.
-  void reset_frame(const std::string& job_id, int frame);
+  /// Forgets which of its tasks are settled, and how. Results stay, those that no task has any more from this time on.
+  void reset_frame(const std::string& job_id, int frame, int64_t unix_ms);
   /// Compare-and-set: inserts the row of an open task and its result. False when the task is settled already, or is a part of
   /// a task that is not split. `parent` is -1 for a task of the grid.
   bool commit_task(const TaskRef& task, int64_t parent, const ResultRecord& result);
@@ -104,6 +135,7 @@ class StoreSession {
 
  private:
   void load_failures(const Job& job, Frame& frame);
+  bool insert_settled(const TaskRef& task, const SettledTask& row);
 
   soci::session& sql_;
 };
@@ -157,6 +189,9 @@ class Store {
   void each_settled(TaskRef from, std::optional<TaskState> state, bool one_frame, const std::function<void(const SettledTask&)>& use_row);
   /// The digests of results and images that rows speak of, some more than once, in pages.
   void each_digest(const std::function<void(const std::string&)>& use_digest);
+  /// Copies the database to a new file, some pages after each transaction, and waits for it: the copy is the database as it was at one
+  /// moment of the call. Throws std::runtime_error. Not for the store's own thread.
+  void copy_to(const std::string& path);
   /// Lays out the tasks of a job anew, and restores what is settled of them.
   void load_tasks(Job& job);
   /// The same as `flush`, as an operation of its own.
@@ -193,8 +228,11 @@ class Store {
     if (outcome->error) std::rethrow_exception(outcome->error);
     return std::move(*outcome->result);
   }
+  struct Copy;
   void queue(Operation operation);
   void work_off();
+  void step_copy();
+  void end_copy(std::exception_ptr error);
   void write_batch(std::vector<Operation>& batch);
 
   const StoreOptions options_;
@@ -210,6 +248,7 @@ class Store {
   std::deque<Operation> queue_;
   uint64_t queued_ = 0, durable_ = 0;  ///< operations since the start
   bool stopping_ = false, failed_ = false;
+  std::shared_ptr<Copy> copy_;  ///< that is under way
   std::thread thread_;
 };
 

@@ -102,15 +102,17 @@ NewJob::NewJob(const JobSpec& job) : spec(job), settings(to_json(rpc::to_wire(jo
 
 bool StoreSession::insert_job(const NewJob& job) {
   const JobSpec& spec = job.spec;
+  if (is_being_deleted(spec.id)) return false;
   const std::string rounds = rounds_text(spec.rounds), target = target_text(spec), quote = quote_text(spec.quote);
+  const std::string policy = policy_text(spec.policy);
   const Integer tile = spec.tile_size, length = spec.range_length, priority = spec.priority, submitted = spec.submitted_unix_ms;
   const Integer inserted = affected(
       (sql_.prepare << "insert into jobs (job_id, request_id, request_digest, name, settings, tile_size, range_length, rounds, priority,"
-                       " submitted_ms, state, reason, paused, ended_ms, last_event, target, quote)"
-                       " values (:id, :rid, :rd, :name, :settings, :tile, :length, :rounds, :prio, :sub, 0, '', 0, 0, 0, :ta, :qu) on "
+                       " submitted_ms, state, reason, paused, ended_ms, last_event, target, quote, policy)"
+                       " values (:id, :rid, :rd, :name, :settings, :tile, :length, :rounds, :prio, :sub, 0, '', 0, 0, 0, :ta, :qu, :po) on "
                        "conflict do nothing",
        use(spec.id), use(spec.request_id), use(spec.request_digest), use(spec.name), use(job.settings), use(tile), use(length), use(rounds),
-       use(priority), use(submitted), use(target), use(quote)));
+       use(priority), use(submitted), use(target), use(quote), use(policy)));
   if (inserted != 1) return false;
   Integer index = 0;
   std::string header, manifest, scene;
@@ -131,11 +133,12 @@ bool StoreSession::insert_job(const NewJob& job) {
 void StoreSession::save_job(const std::string& job_id, const JobAim& aim, const JobRow& row) {
   const Integer state = static_cast<int>(row.state), paused = row.paused, ended = row.ended_unix_ms;
   const std::string ends = rounds_text(aim.rounds), target = target_text(aim), quote = quote_text(aim.quote);
+  const std::string policy = policy_text(aim.policy);
   // What it showed when it had ended before is no more.
   const std::string summary = has_ended(row.state) ? "" : ", summary = ''";
-  sql_ << "update jobs set state = :s, reason = :r, paused = :p, ended_ms = :e, rounds = :ro, target = :ta, quote = :qu" + summary +
-              " where job_id = :id",
-      use(state), use(row.reason), use(paused), use(ended), use(ends), use(target), use(quote), use(job_id);
+  sql_ << "update jobs set state = :s, reason = :r, paused = :p, ended_ms = :e, rounds = :ro, target = :ta, quote = :qu, policy = :po" +
+              summary + " where job_id = :id",
+      use(state), use(row.reason), use(paused), use(ended), use(ends), use(target), use(quote), use(policy), use(job_id);
 }
 
 void StoreSession::save_frame(const std::string& job_id, int frame, const FrameRow& row) {
@@ -168,7 +171,7 @@ namespace {
 
 constexpr const char* kJobColumns =
     "select job_id, request_id, request_digest, name, settings, tile_size, range_length, rounds, priority, submitted_ms, state, reason,"
-    " paused, ended_ms, last_event, target, quote, summary from jobs";
+    " paused, ended_ms, last_event, target, quote, summary, policy from jobs";
 
 StoredJob stored_job(const soci::row& r) {
   StoredJob job;
@@ -188,6 +191,7 @@ StoredJob stored_job(const soci::row& r) {
   job.row = {static_cast<JobState>(r.get<Integer>(10)), r.get<std::string>(11), r.get<Integer>(12) != 0, r.get<Integer>(13),
              r.get<Integer>(14)};
   if (const auto text = r.get<std::string>(17); !text.empty()) job.summary = summary_from_json(text);
+  job.spec.policy = parse_policy(r.get<std::string>(18));
   return job;
 }
 

@@ -23,10 +23,29 @@ constexpr Integer kAttemptsKept = 20;
 
 }  // namespace
 
-void StoreSession::reset_frame(const std::string& job_id, int frame) {
-  const Integer index = frame;
+void StoreSession::reset_frame(const std::string& job_id, int frame, int64_t unix_ms) {
+  const Integer index = frame, ms = unix_ms, done = static_cast<int>(TaskState::Done);
+  sql_ << "update results set uses = uses - 1, freed_ms = :m where result_key in"
+          " (select result_key from settled where job_id = :j and frame = :f and state = :s)",
+      use(ms), use(job_id), use(index), use(done);
   sql_ << "delete from settled where job_id = :j and frame = :f", use(job_id), use(index);
 }
+
+namespace {
+
+/// A result that was lost is known by an empty digest as long as other tasks have it: the next of its key takes its place.
+std::string insert_result() {
+  std::string sql =
+      "insert into results (result_key, digest, bytes, cpu_ns, wall_ns, samples, nonfinite, clamped, majorant_violations, truncated,"
+      " worker_id, uses) values (:k, :d, :b, :c, :w, :s, :nf, :cl, :mv, :tr, :wo, 1)"
+      " on conflict (result_key) do update set uses = results.uses + 1";
+  for (const std::string column :
+       {"bytes", "cpu_ns", "wall_ns", "samples", "nonfinite", "clamped", "majorant_violations", "truncated", "worker_id", "digest"})
+    sql += ", " + column + " = case when results.digest = '' then excluded." + column + " else results." + column + " end";
+  return sql;
+}
+
+}  // namespace
 
 bool StoreSession::commit_task(const TaskRef& task, int64_t parent, const ResultRecord& result) {
   const Integer frame = task.frame;
@@ -39,17 +58,22 @@ bool StoreSession::commit_task(const TaskRef& task, int64_t parent, const Result
   }
   SettledTask row;
   row.result = result;
-  if (!settle_task(task, row)) return false;
+  if (!insert_settled(task, row)) return false;
+  static const std::string insert = insert_result();
   const Integer bytes = result.bytes, cpu = result.cost.cpu_ns, wall = result.cost.wall_ns, samples = result.cost.samples;
   const HealthColumns health(result.health);
-  sql_ << "insert into results (result_key, digest, bytes, cpu_ns, wall_ns, samples, nonfinite, clamped, majorant_violations, truncated,"
-          " worker_id) values (:k, :d, :b, :c, :w, :s, :nf, :cl, :mv, :tr, :wo) on conflict do nothing",
-      use(result.key), use(result.digest), use(bytes), use(cpu), use(wall), use(samples), use(health.nonfinite), use(health.clamped),
-      use(health.majorant_violations), use(health.truncated), use(result.worker_id);
+  sql_ << insert, use(result.key), use(result.digest), use(bytes), use(cpu), use(wall), use(samples), use(health.nonfinite),
+      use(health.clamped), use(health.majorant_violations), use(health.truncated), use(result.worker_id);
   return true;
 }
 
 bool StoreSession::settle_task(const TaskRef& task, const SettledTask& row) {
+  if (!insert_settled(task, row)) return false;
+  if (row.state == TaskState::Done) sql_ << "update results set uses = uses + 1 where result_key = :k", use(row.result.key);
+  return true;
+}
+
+bool StoreSession::insert_settled(const TaskRef& task, const SettledTask& row) {
   const Integer frame = task.frame, number = task.number, state = static_cast<int>(row.state), bytes = row.result.bytes;
   const Integer cpu = row.result.cost.cpu_ns, wall = row.result.cost.wall_ns, samples = row.result.cost.samples, first = row.first_part;
   const Integer reused = row.reused;
@@ -65,9 +89,11 @@ bool StoreSession::settle_task(const TaskRef& task, const SettledTask& row) {
 
 void StoreSession::reopen_task(const TaskRef& task, const std::string& result_key) {
   const Integer frame = task.frame, number = task.number, done = static_cast<int>(TaskState::Done);
-  sql_ << "delete from settled where job_id = :j and frame = :f and number = :n and state = :s", use(task.job), use(frame), use(number),
-      use(done);
-  sql_ << "delete from results where result_key = :k", use(result_key);
+  const Integer reopened = affected((sql_.prepare << "delete from settled where job_id = :j and frame = :f and number = :n and state = :s",
+                                     use(task.job), use(frame), use(number), use(done)));
+  // Nobody is given it any more, whoever has it.
+  sql_ << "update results set uses = uses - :n, digest = '' where result_key = :k", use(reopened), use(result_key);
+  sql_ << "delete from results where result_key = :k and uses <= 0", use(result_key);
 }
 
 std::optional<ResultRecord> StoreSession::find_result(const std::string& key) {
@@ -76,7 +102,7 @@ std::optional<ResultRecord> StoreSession::find_result(const std::string& key) {
   Integer bytes = 0, cpu = 0, wall = 0, samples = 0;
   HealthColumns health({});
   sql_ << "select digest, bytes, cpu_ns, wall_ns, samples, nonfinite, clamped, majorant_violations, truncated, worker_id from results"
-          " where result_key = :k",
+          " where result_key = :k and digest <> ''",
       use(key), into(result.digest), into(bytes), into(cpu), into(wall), into(samples), into(health.nonfinite), into(health.clamped),
       into(health.majorant_violations), into(health.truncated), into(result.worker_id);
   if (!sql_.got_data()) return std::nullopt;

@@ -46,8 +46,11 @@ void cut_rounds(JobSpec& job) {
 namespace {
 
 /// The files that a manifest's blob lists, all of them present. Pins everything.
-std::set<std::string> check_manifest(const std::string& digest, BlobStore& blobs, Time now) {
+std::set<std::string> check_manifest(const std::string& digest, BlobStore& blobs, BlobStore::Hold& hold, Time now) {
   std::string bytes;
+  // Pinned and held before they are looked for: a clean-up in between must not take them.
+  blobs.pin(digest, now);
+  hold.add(digest);
   try {
     bytes = blobs.read(digest, rpc::kMaxManifestBytes);
   } catch (const BlobError& error) {
@@ -55,7 +58,6 @@ std::set<std::string> check_manifest(const std::string& digest, BlobStore& blobs
     if (!blobs.verify(digest)) blobs.remove(digest);
     rpc::fail_precondition("the manifest " + digest + " is not here; upload it and submit again (" + error.what() + ")");
   }
-  blobs.pin(digest, now);
   std::set<std::string> paths;
   std::string missing;
   int count = 0;
@@ -63,6 +65,7 @@ std::set<std::string> check_manifest(const std::string& digest, BlobStore& blobs
   for (const v1::SceneFile& file : manifest.files()) {
     paths.insert(file.path());
     blobs.pin(file.content_digest(), now);
+    hold.add(file.content_digest());
     std::optional<int64_t> size = blobs.size(file.content_digest());
     if (size && *size != file.bytes() && !blobs.verify(file.content_digest())) {
       blobs.remove(file.content_digest());
@@ -110,7 +113,7 @@ SamplingTarget extended_target(const JobSpec& job, int64_t samples, std::optiona
   return target;
 }
 
-JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time now, int64_t unix_ms) {
+JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, BlobStore::Hold& hold, Time now, int64_t unix_ms) {
   JobSpec job;
   if (!rpc::is_identifier(request.request_id())) rpc::fail_invalid("request_id: expected 1 to 64 characters of [A-Za-z0-9-]");
   job.request_id = request.request_id();
@@ -134,6 +137,7 @@ JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time
     job.rounds = {{0, kFirstCount}};
   }
   if (request.has_quote()) job.quote = checked_quote(request.quote());
+  job.policy = checked_policy(request.policy());
   const uint32_t tile = request.settings().tile_size();
   if (tile != 0 && (tile < 8 || tile > 1024 || !std::has_single_bit(tile)))
     rpc::fail_invalid("settings.tile_size: expected a power of two from 8 to 1024");
@@ -156,7 +160,7 @@ JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time
     frame.scene_file = input.scene_file();
     auto manifest = manifests.find(frame.manifest_digest);
     if (manifest == manifests.end())
-      manifest = manifests.emplace(frame.manifest_digest, check_manifest(frame.manifest_digest, blobs, now)).first;
+      manifest = manifests.emplace(frame.manifest_digest, check_manifest(frame.manifest_digest, blobs, hold, now)).first;
     if (!manifest->second.contains(frame.scene_file)) rpc::fail_invalid("frames.scene_file: the manifest does not list it");
     job.frames.push_back(std::move(frame));
   }

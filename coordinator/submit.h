@@ -21,8 +21,8 @@ std::optional<double> checked_seconds(double seconds);
 /// `limited` in time only. Throws RpcError INVALID_ARGUMENT for fewer samples or a larger error than the job has.
 SamplingTarget extended_target(const JobSpec& job, int64_t samples, std::optional<double> error, bool limited);
 
-/// Checks every field and that every blob is there (and pins them). Throws RpcError: INVALID_ARGUMENT,
+/// Checks every field and that every blob is there, pins them, and holds them in `hold`. Throws RpcError: INVALID_ARGUMENT,
 /// FAILED_PRECONDITION naming missing blobs, RESOURCE_EXHAUSTED for too many tasks.
-JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, Time now, int64_t unix_ms);
+JobSpec check_submit(const v1::SubmitJobRequest& request, BlobStore& blobs, BlobStore::Hold& hold, Time now, int64_t unix_ms);
 
 }  // namespace woodcock::coordinator

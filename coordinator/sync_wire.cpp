@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "coordinator/policy.h"
 #include "rpc/convert.h"
 #include "rpc/error.h"
 #include "rpc/limits.h"
@@ -73,6 +74,9 @@ WorkerReport report_from_wire(const v1::SyncRequest& request) {
   report.slots = static_cast<int>(request.slots());
   report.threads = static_cast<int>(std::clamp<uint32_t>(request.threads(), 1, 4096));
   report.draining = request.state() == v1::WORKER_STATE_DRAINING;
+  report.left = request.state() == v1::WORKER_STATE_LEFT;
+  report.tags = checked_tags({request.tags().begin(), request.tags().end()}, "tags");
+  report.memory = std::clamp<int64_t>(request.memory_bytes(), 0, rpc::kMaxWorkerMemory);
   for (const v1::LeaseReport& lease : request.leases()) {
     check_text(lease.lease_id(), rpc::kMaxIdBytes, "leases.lease_id");
     check_text(lease.task_id(), rpc::kMaxIdBytes, "leases.task_id");

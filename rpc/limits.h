@@ -37,6 +37,10 @@ inline constexpr size_t kMaxLogExcerptBytes = 16 << 10;
 inline constexpr size_t kMaxSyncListItems = 1024;
 inline constexpr uint32_t kMaxSlots = 256;
 inline constexpr int32_t kMaxPriority = 100;
+inline constexpr int kMaxTags = 32;                                                               ///< of a worker, or asked of one
+inline constexpr int64_t kMaxTaskMemory = int64_t{1} << 50, kMaxWorkerMemory = int64_t{1} << 60;  ///< bytes
+inline constexpr uint32_t kMaxWorkersOfJob = 100'000;
+inline constexpr int kMaxJobsBefore = 64;  ///< that a job waits for
 inline constexpr double kMaxQuotedError = 1e6;
 inline constexpr double kMaxQuotedSeconds = 1e15;
 

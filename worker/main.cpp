@@ -13,7 +13,9 @@
 #include "rpc/convert.h"
 #include "rpc/limits.h"
 #include "rpc/log.h"
+#include "rpc/machine_memory.h"
 #include "rpc/printable.h"
+#include "rpc/quantities.h"
 #include "rpc/standard_output.h"
 #include "worker/frame_task_renderer.h"
 #include "worker/supervisor.h"
@@ -25,6 +27,8 @@ struct Arguments {
   std::vector<std::string> coordinators{rpc::kDefaultAddress};
   std::string folder, name;
   int slots = 1, threads = 0;
+  std::vector<std::string> tags;
+  int64_t memory = 0;
   double cache_gb = 20, progress_timeout = 120, loading_timeout = 900, drain = 20;
   bool render_child = false;
   RenderChildOptions child;
@@ -45,6 +49,23 @@ void declare(CLI::App& app, Arguments& arguments) {
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   app.add_option("--name", arguments.name, "the worker's id instead of the one kept in DIR; unique: letters, digits, '.', '_', '-'");
+  app.add_option("--tag", arguments.tags, "what jobs may ask for with --require-tag, e.g. gpu-room; may be given again")
+      ->type_name("TAG")
+      ->allow_extra_args(false)
+      ->check([](const std::string& tag) {
+        return rpc::is_identifier(tag) ? std::string() : std::string("expected 1 to 64 letters, digits, '.', '_' or '-', no '.' first");
+      });
+  app.add_option_function<std::string>(
+         "--memory",
+         [&arguments](const std::string& text) {
+           try {
+             arguments.memory = rpc::parse_bytes("--memory", text);
+           } catch (const std::invalid_argument& error) {
+             throw CLI::ValidationError(error.what());
+           }
+         },
+         "memory for all slots together, e.g. 32G; each gives its task an equal share (0: what the machine has)")
+      ->type_name("SIZE");
   app.add_option("--cache-gb", arguments.cache_gb, "scenes kept on disk, in GB; those in use are kept in any case")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
@@ -68,7 +89,10 @@ void declare(CLI::App& app, Arguments& arguments) {
       "Examples:\n"
       "  woodcock-worker --dir /var/lib/woodcock/worker1 --coordinator farm:7420\n"
       "  woodcock-worker --dir w1 --slots 2 --threads 8\n"
-      "Renders until it gets SIGTERM or Ctrl-C. Exit codes: 0 ended as told, 1 failed or refused by the coordinator, 2 wrong usage.");
+      "  woodcock-worker --dir w2 --tag big --tag gpu-room --memory 32G\n"
+      "Renders until it gets SIGTERM or Ctrl-C: then it finishes what runs for at most --drain seconds, gives back the rest and says that "
+      "it\n"
+      "leaves. Exit codes: 0 ended as told, 1 failed or refused by the coordinator, 2 wrong usage.");
 }
 
 /// Hands signals to the supervisor until `done`: the first SIGTERM or SIGINT drains, the second quits.
@@ -100,6 +124,8 @@ int work(const Arguments& arguments) {
   options.slots = arguments.slots;
   const int processors = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   options.threads = arguments.threads > 0 ? arguments.threads : std::max(1, processors / arguments.slots);
+  options.tags = arguments.tags;
+  options.memory = arguments.memory > 0 ? arguments.memory : rpc::machine_memory();
   options.asset_cache_bytes = static_cast<uint64_t>(arguments.cache_gb * 1e9);
   options.limits.rendering = milliseconds(arguments.progress_timeout);
   options.limits.loading = options.limits.building = milliseconds(arguments.loading_timeout);
@@ -109,8 +135,9 @@ int work(const Arguments& arguments) {
     options.child_arguments.push_back(arguments.test_hook);
   }
   const WorkerFolder folder(arguments.folder);
-  spdlog::info("worker {} (start {}) in {}: {} slots of {} threads", arguments.name.empty() ? folder.worker_id() : arguments.name,
-               folder.incarnation(), arguments.folder, options.slots, options.threads);
+  spdlog::info("worker {} (start {}) in {}: {} slots of {} threads, {} of memory",
+               arguments.name.empty() ? folder.worker_id() : arguments.name, folder.incarnation(), arguments.folder, options.slots,
+               options.threads, rpc::bytes_text(options.memory));
   Supervisor supervisor(options, folder);
   std::atomic<bool> done{false};
   std::thread watcher([&] { watch_signals(supervisor, signals, done); });
@@ -131,6 +158,8 @@ int run(int argc, char** argv) {
     if (!arguments.render_child && arguments.folder.empty()) throw CLI::RequiredError("--dir");
     if (!arguments.name.empty() && !rpc::is_identifier(arguments.name))
       throw CLI::ValidationError("--name", "1 to 64 letters, digits, '.', '_' or '-'");
+    if (arguments.tags.size() > static_cast<size_t>(rpc::kMaxTags))
+      throw CLI::ValidationError("--tag", "found " + std::to_string(arguments.tags.size()) + " tags, expected at most 32");
   } catch (const CLI::ParseError& error) {
     return rpc::exit_code_with_output(app.exit(error) == 0 ? 0 : 2, "woodcock-worker");
   } catch (const std::invalid_argument& error) {

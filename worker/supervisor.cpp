@@ -24,8 +24,8 @@ using Lock = std::unique_lock<std::mutex>;
 constexpr milliseconds kYoungCall{50};
 constexpr milliseconds kTick{100};
 constexpr milliseconds kFirstBackoff{200}, kLastBackoff{10'000};
-/// After the drain's deadline, time to tell the coordinator about it.
-constexpr std::chrono::seconds kFarewell{5};
+/// After the drain's deadline, time to tell the coordinator about it; and for the last call, in which it is told that this worker leaves.
+constexpr std::chrono::seconds kFarewell{5}, kLastCall{2};
 /// That many refusals in a row as outdated mean a newer incarnation, not calls that overtook each other.
 constexpr int kMaxAborts = 5;
 
@@ -41,9 +41,9 @@ struct Supervisor::Call {
   grpc::Status status;
   std::unique_ptr<v1::WorkersService::Stub> stub;
   BootTime sent_at{0};
-  uint64_t news = 0;      // of the book when the request was made
-  bool draining = false;  // what the request says
-  bool cut = false;       // ended by us
+  uint64_t news = 0;                               // of the book when the request was made
+  v1::WorkerState state = v1::WORKER_STATE_READY;  // what the request says
+  bool cut = false;                                // ended by us
   bool done = false;
 };
 
@@ -136,9 +136,20 @@ void Supervisor::check_deadlines() {
   if (!draining_) return;
   if (now >= drain_deadline_) book_.stop_rendering();
   if (book_.idle())
-    end(0, "drained");
+    leave("drained");
   else if (now >= drain_deadline_ + kFarewell)
-    end(0, fmt::format("drained; {} results stay in the spool for the next start", book_.unacknowledged_results()));
+    leave(fmt::format("drained; {} results stay in the spool for the next start", book_.unacknowledged_results()));
+}
+
+v1::WorkerState Supervisor::state() const {
+  return leaving_ ? v1::WORKER_STATE_LEFT : draining_ ? v1::WORKER_STATE_DRAINING : v1::WORKER_STATE_READY;
+}
+
+void Supervisor::leave(const std::string& why) {
+  if (leaving_) return;
+  leaving_ = why;
+  if (!connected_ || !identity_) return end(0, why);
+  changed_.notify_all();
 }
 
 v1::SyncRequest Supervisor::make_request() {
@@ -152,7 +163,9 @@ v1::SyncRequest Supervisor::make_request() {
   request.set_arithmetic_class(identity_->arithmetic_class);
   request.set_slots(static_cast<uint32_t>(options_.slots));
   request.set_threads(static_cast<uint32_t>(options_.threads));
-  request.set_state(draining_ ? v1::WORKER_STATE_DRAINING : v1::WORKER_STATE_READY);
+  request.set_state(state());
+  for (const std::string& tag : options_.tags) request.add_tags(tag);
+  request.set_memory_bytes(options_.memory);
   if (draining_) request.set_drain_ms(std::max<int64_t>(0, std::chrono::duration_cast<milliseconds>(drain_deadline_ - boot_now()).count()));
   request.set_cluster_id(cluster_id_);
   request.set_leader_term(leader_term_);
@@ -171,15 +184,16 @@ void Supervisor::sync_loop() {
     Call call;
     call.request = make_request();
     call.news = book_.news();
-    call.draining = draining_;
+    call.state = state();
     carry_out(call, lock);
+    if (call.state == v1::WORKER_STATE_LEFT) end(0, *leaving_);
     if (finished_) break;
     milliseconds pause = take_answer(call);
     if (const auto renewal = renewal_interval(); renewal && call.status.ok()) pause = std::min(pause, *renewal);
     const BootTime until = boot_now() + pause;
     const bool answered = call.status.ok();
     while (!finished_ && boot_now() < until) {
-      if (answered && (book_.news() != call.news || draining_ != call.draining)) break;
+      if (leaving_ || (answered && (book_.news() != call.news || state() != call.state))) break;
       changed_.wait_for(lock, std::clamp(-since(until), milliseconds(1), kTick));
       check_deadlines();
     }
@@ -189,7 +203,10 @@ void Supervisor::sync_loop() {
 void Supervisor::carry_out(Call& call, Lock& lock) {
   call.stub = v1::WorkersService::NewStub(channel());
   call.sent_at = boot_now();
-  rpc::set_deadline(call.context, rpc::kSyncDeadline);
+  if (call.state == v1::WORKER_STATE_LEFT)
+    rpc::set_deadline(call.context, kLastCall);
+  else
+    rpc::set_deadline(call.context, rpc::kSyncDeadline);
   // The library may call back on this very thread: never hold the lock when calling it.
   lock.unlock();
   call.stub->async()->Sync(&call.context, &call.request, &call.response, [this, &call](grpc::Status status) {
@@ -219,7 +236,7 @@ void Supervisor::await(Call& call, Lock& lock) {
     if (call.done) return;
     check_deadlines();
     const milliseconds age = since(call.sent_at);
-    const bool news = book_.news() != call.news || draining_ != call.draining;
+    const bool news = call.state != v1::WORKER_STATE_LEFT && (book_.news() != call.news || state() != call.state);
     if (!call.cut && (finished_ || (news && age >= kYoungCall) || (renewal && age >= *renewal))) {
       call.cut = true;
       lock.unlock();

@@ -28,6 +28,8 @@ struct SupervisorOptions {
   std::string worker_id;                  ///< empty: the folder's own
   int slots = 1;                          ///< tasks rendered at once
   int threads = 1;                        ///< of each task
+  std::vector<std::string> tags;          ///< that jobs may ask for
+  int64_t memory = 0;                     ///< bytes, for all slots together; 0: not known
   uint64_t asset_cache_bytes = uint64_t{20} << 30;
   AttemptLimits limits;
   std::chrono::milliseconds drain{std::chrono::seconds(20)};  ///< for finishing what runs, after the first SIGTERM
@@ -44,8 +46,8 @@ class Supervisor {
   /// Works until it is drained, told to quit, or refused by the coordinator. Returns the process's exit code.
   int run();
 
-  /// These may be called from any thread but no signal handler. drain() finishes what runs, gives back the rest, then
-  /// ends; quit() ends at once: finished results stay in the spool.
+  /// These may be called from any thread but no signal handler. drain() finishes what runs, gives back the rest, says that it leaves,
+  /// then ends; quit() ends at once: finished results stay in the spool.
   void drain();
   void quit();
 
@@ -69,6 +71,9 @@ class Supervisor {
   bool recognize(const v1::SyncResponse& response);
   std::optional<std::chrono::milliseconds> renewal_interval() const;
   void check_deadlines();
+  v1::WorkerState state() const;
+  /// Nothing is left to do: one call more says so, unless nobody would hear it.
+  void leave(const std::string& why);
   void end(int exit_code, const std::string& why);
   /// Until the end, or the time-out.
   void pause(std::unique_lock<std::mutex>& lock, std::chrono::milliseconds timeout);
@@ -104,6 +109,7 @@ class Supervisor {
   bool connected_ = false;
   std::string last_notice_, last_problem_;
   bool draining_ = false, finished_ = false;
+  std::optional<std::string> leaving_;  // why, once nothing is left to do
   BootTime drain_deadline_{0};
   int exit_code_ = 0;
   std::mt19937_64 random_{std::random_device{}()};  // jitter only

@@ -137,6 +137,8 @@ std::string option_in(const std::string& word) {
 size_t check_call(const std::vector<std::string>& words, size_t begin, const std::string& program, const std::string& where) {
   size_t i = begin + 1;
   std::string command;
+  // Its commands are no words that it could be called with otherwise.
+  if (program == "woodcock-coordinator" && i < words.size() && (words[i] == "backup" || words[i] == "restore")) command = words[i++];
   if (program == "woodcock") {
     if (i < words.size() && std::regex_match(words[i], std::regex("[a-z]+"))) {
       command = words[i++];
@@ -215,6 +217,7 @@ TEST(Documents, NameCommandsAndOptionsThatExist) {
 
 TEST(Documents, NameOptionsThatSomeCommandHas) {
   std::vector<std::string> helps{help_of("woodcock", ""), help_of("woodcock-worker", ""), help_of("woodcock-coordinator", "")};
+  for (const char* command : {"backup", "restore"}) helps.push_back(help_of("woodcock-coordinator", command));
   for (const std::string& command : commands()) helps.push_back(help_of("woodcock", command));
   for (const fs::path& document : documents()) {
     for (const Snippet& snippet : snippets(document)) {

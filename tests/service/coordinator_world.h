@@ -14,6 +14,7 @@
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "coordinator/coordinator.h"
 #include "renderer/accuracy/error_summary.h"
@@ -118,6 +119,8 @@ class CoordinatorWorld {
     r.set_slots(1);
     r.set_threads(1);
     r.set_state(v1::WORKER_STATE_READY);
+    for (const std::string& tag : tags) r.add_tags(tag);
+    r.set_memory_bytes(memory);
     return r;
   }
 
@@ -199,6 +202,8 @@ class CoordinatorWorld {
   std::atomic<Time> now{1000 * kSecond};
   uint64_t sequence = 0, incarnation = 1;
   std::string build = "build";  ///< of workers
+  std::vector<std::string> tags;
+  int64_t memory = 0;
   std::unique_ptr<Coordinator> coordinator;
 
  private:

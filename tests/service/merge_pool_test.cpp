@@ -71,6 +71,16 @@ TEST(MergePool, F33_MergesAtOnceGiveTheBitsOfOneAfterTheOther) {
   EXPECT_EQ(testing::children_of(::getpid()).size(), 2u) << "merges beyond the limit wait for those before them";
 }
 
+TEST(MergePool, StopsAMergeThatRunsAndBeginsNoOther) {
+  const TemporaryFolder folder;
+  const AssembleRequest request = frame_of(folder, 4);
+  MergePool* stopped = nullptr;
+  MergePool pool(kProgram, 1, [&stopped] { stopped->stop(); });
+  stopped = &pool;
+  EXPECT_THAT(pool.merge(request).error, HasSubstr("has ended"));
+  EXPECT_THAT(pool.merge(request).error, HasSubstr("the coordinator is stopping"));
+}
+
 TEST(MergePool, F33_AServerThatIsKilledIsAnErrorOfOneMergeAndIsReplaced) {
   const TemporaryFolder folder;
   const AssembleRequest request = frame_of(folder, 4);

@@ -171,6 +171,26 @@ TEST(ReconnectingWorkers, F16_FiveHundredComeBackAfterARestartAndNoLeaseExpiresF
   EXPECT_EQ(job.progress().tasks_leased(), 0);
 }
 
+TEST(ReconnectingWorkers, AThousandThatRenderCallAsOftenAsOneCoordinatorAnswersAndNoLeaseExpires) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path);
+  const std::string id = submit_many_tasks(world, 400);
+  constexpr size_t kWorkers = 1000;
+  Fleet fleet(world, kWorkers);
+  for (int round = 0; round < 20 && fleet.held(0, kWorkers) < 2 * kWorkers; ++round) fleet.sync(0, kWorkers, false);
+  ASSERT_EQ(fleet.held(0, kWorkers), 2 * kWorkers);
+  // Each calls again as soon as it is answered: how often that is, the coordinator decides.
+  constexpr int kCalls = 30;
+  const Time begin = world.now;
+  for (int call = 0; call < kCalls; ++call) fleet.sync(0, kWorkers, false);
+  const double seconds = static_cast<double>(world.now - begin) / static_cast<double>(kSecond);
+  EXPECT_GT(seconds, 100) << "several leases long";
+  EXPECT_LT(static_cast<double>(kCalls * kWorkers) / seconds, 300) << "calls a second";
+  EXPECT_EQ(fleet.cancelled, 0);
+  EXPECT_EQ(count_events(world, id)[v1::JOB_EVENT_KIND_LEASE_EXPIRED], 0);
+  EXPECT_EQ(fleet.held(0, kWorkers), 2 * kWorkers);
+}
+
 TEST(ReconnectingWorkers, F14_AWorkerThatComesAndGoesCostsOthersNothing) {
   const TemporaryFolder folder;
   CoordinatorWorld world(folder.path);

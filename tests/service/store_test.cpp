@@ -108,11 +108,16 @@ TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
     for (const std::string table : {"settled", "results"})
       for (const std::string column : {"nonfinite", "clamped", "majorant_violations", "truncated"})
         sql << "alter table " + table + " drop column " + column;
+    for (const std::string index : {"results_unused", "jobs_ended", "frames_by_image", "frames_by_manifest"}) sql << "drop index " + index;
+    sql << "alter table results drop column uses";
+    sql << "alter table results drop column freed_ms";
+    sql << "drop table deletions";
     for (const std::string index : {"jobs_by_time", "jobs_running", "jobs_uncounted", "settled_not_done"}) sql << "drop index " + index;
     sql << "alter table jobs drop column summary";
     sql << "alter table frames drop column counts";
     sql << "alter table jobs drop column target";
     sql << "alter table jobs drop column quote";
+    sql << "alter table jobs drop column policy";
     sql << "alter table settled drop column worker_id";
     sql << "alter table settled drop column reused";
     sql << "alter table results drop column worker_id";
@@ -129,7 +134,51 @@ TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
     EXPECT_EQ(row.result.worker_id, "");
     EXPECT_FALSE(row.reused);
     EXPECT_TRUE(store.read([](StoreSession& s) { return s.settled({"j1", 0, 4}); }).value().reused) << "such a row had no cost";
+    EXPECT_EQ(store.read([](StoreSession& s) { return s.uses_of_result(result('d').key); }), 1) << "who has a result is counted";
   }
+}
+
+TEST(Store, AResultIsCountedWhoeverTakesItLosesItOrGivesItBack) {
+  const TemporaryFolder folder;
+  Store store(options(folder.path));
+  const std::string key = result('d').key;
+  const auto uses = [&] { return store.read([&](StoreSession& s) { return s.uses_of_result(key); }); };
+  const auto has = [&] { return store.read([&](StoreSession& s) { return s.find_result(key).has_value(); }); };
+  JobSpec second = test_job("j2");
+  store.read([&](StoreSession& s) { return s.insert_job(test_job("j1")) && s.insert_job(second); });
+  EXPECT_TRUE(store.read([](StoreSession& s) { return s.commit_task({"j1", 0, 3}, -1, result('d')); }));
+  EXPECT_FALSE(store.read([](StoreSession& s) { return s.commit_task({"j1", 0, 3}, -1, result('d')); }));
+  EXPECT_EQ(uses(), 1);
+  SettledTask reused;
+  reused.result = result('d');
+  reused.reused = true;
+  EXPECT_TRUE(store.read([&](StoreSession& s) { return s.settle_task({"j2", 0, 3}, reused); }));
+  EXPECT_FALSE(store.read([&](StoreSession& s) { return s.settle_task({"j2", 0, 3}, reused); }));
+  EXPECT_EQ(uses(), 2);
+  // Lost at rest: nobody is given it, the other job still has it.
+  for (int i = 0; i < 2; ++i) {
+    store.read([&](StoreSession& s) {
+      s.reopen_task({"j2", 0, 3}, key);
+      return true;
+    });
+    EXPECT_EQ(uses(), 1);
+    EXPECT_FALSE(has());
+  }
+  EXPECT_TRUE(store.read([](StoreSession& s) { return s.commit_task({"j2", 0, 3}, -1, result('d')); }));
+  EXPECT_EQ(uses(), 2);
+  EXPECT_TRUE(has());
+  // A frame that starts again leaves its result to later jobs, until it is old.
+  store.read([](StoreSession& s) {
+    s.reset_frame("j1", 0, 1000);
+    s.reset_frame("j2", 0, 2000);
+    return true;
+  });
+  EXPECT_EQ(uses(), 0);
+  EXPECT_TRUE(has());
+  EXPECT_EQ(store.read([](StoreSession& s) { return s.unused_bytes(); }), 10);
+  EXPECT_EQ(store.read([](StoreSession& s) { return s.delete_unused(1999, 10); }), 0);
+  EXPECT_EQ(store.read([](StoreSession& s) { return s.delete_unused(2000, 10); }), 1);
+  EXPECT_FALSE(has());
 }
 
 TEST(Store, TheFolderIsOpenedOnce) {
