@@ -44,6 +44,10 @@ struct CoordinatorOptions {
   std::function<int64_t()> unix_ms;                         ///< wall clock, for people only
   std::function<void(const std::string& reason)> on_fatal;  ///< must not return
   Failpoint failpoint = [](const char*) {};
+  std::function<std::string()> make_id = random_id;  ///< of a new cluster, and of this leader
+  /// False: it works when it is called, and its owner calls the steps below; how much one transaction writes is the owner's as well.
+  bool own_threads = true;
+  size_t store_batch = 512;
 };
 
 /// CLOCK_BOOTTIME, in nanoseconds.
@@ -94,7 +98,18 @@ class Coordinator {
   /// Removes blobs that nothing needs; the ticker calls it every ten minutes.
   size_t sweep();
 
+  // What its threads do, for who drives it without them. False where there was nothing to do.
+  /// The database writes one transaction.
+  bool step_store() { return store_->step(); }
+  /// One frame is merged.
+  bool step_merge();
+  /// Expires what is over; about once a second.
+  void tick();
+  /// Answers held calls whose time is over; about ten times a second.
+  void answer_overdue();
+
  private:
+  friend class CoordinatorInside;  // of tests that compare what is in memory with the database
   struct HeldSync {
     uint64_t token = 0;
     uint64_t sequence = 0;
@@ -172,6 +187,8 @@ class Coordinator {
   /// Throws RpcError kUnavailable, and has the image merged again, when its file is damaged.
   void check_image(const std::string& job, int frame, const std::string& digest);
   void run_assembler();
+  /// Takes a frame that is to be merged, and merges it without the lock. False where none is ready.
+  bool merge_one(std::unique_lock<std::mutex>& lock);
   void run_ticker();
 
   const CoordinatorOptions options_;
@@ -197,6 +214,7 @@ class Coordinator {
   uint64_t next_temporary_ = 0;
   bool stopping_ = false;
   std::string leader_id_;  // of this start; constant
+  std::string shortage_;   // of room on the disk, as the ticker saw it last; its own
 
   std::vector<std::thread> assemblers_;
   std::thread ticker_;

@@ -52,7 +52,7 @@ int serve(CoordinatorOptions options, const std::string& listen, const std::stri
   spdlog::info("at most {} open files", raise_descriptor_limit());
   std::filesystem::create_directories(options.dir);
   // Previews are merged beside the frames.
-  MergePool pool(program, options.merges_at_once + kPreviewsAtOnce, [&options] { options.failpoint("during-merge"); });
+  MergePool pool(program, options.merges_at_once + kPreviewsAtOnce, [&options] { options.failpoint("during-merge"); /* the child that merges was started */ });
   options.assemble_tiles = [&pool](const AssembleRequest& request) { return pool.merge(request); };
   Coordinator coordinator(options);
   CoordinatorServer server(coordinator, listen);
@@ -99,7 +99,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 1 << 30))
       ->capture_default_str();
   app.add_option("--pin", pin_seconds, "Seconds for which unused files are kept")->check(CLI::Range(1, 1 << 30))->capture_default_str();
-  app.add_option("--test-hook", test_hook, "POINT@N: end as by SIGKILL the N-th time it passes a point that coordinator/failpoint.h names")
+  app.add_option("--test-hook", test_hook, "POINT@N: end as by SIGKILL the N-th time it passes a point; a wrong one lists them")
       ->group("For tests of fault handling only");
   app.add_option("--merges", options.merges_at_once, "Frames that are merged at once, each in a process of its own")
       ->check(CLI::Range(1, 256))
