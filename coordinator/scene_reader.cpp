@@ -1,6 +1,7 @@
 #include "coordinator/scene_reader.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <signal.h>
 #include <spawn.h>
 #include <sys/wait.h>
@@ -65,7 +66,7 @@ void write_bytes(const fs::path& file, const std::string& bytes) {
   if (!out) rpc::fail_exhausted("the coordinator's disk has no room for the scene: try again later");
 }
 
-std::string quoted(const std::string& text) { return "\"" + rpc::printable(text) + "\""; }
+std::string quoted(const std::string& text) { return fmt::format("\"{}\"", rpc::printable(text)); }
 
 /// The request without the files, checked, with everything that has a plain default.
 v1::SubmitSceneRequest checked(const v1::SubmitSceneRequest& request) {
@@ -106,7 +107,7 @@ void lay_out(const v1::SubmitSceneRequest& request, const fs::path& folder, Blob
     }
     blobs.pin(file.content_digest(), now);
     if (!blobs.contains(file.content_digest())) {
-      missing += " " + quoted(file.path());
+      missing += fmt::format(" {}", quoted(file.path()));
       continue;
     }
     fs::create_hard_link(blobs.path(file.content_digest()), path, error);

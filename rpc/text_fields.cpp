@@ -1,5 +1,6 @@
 #include "rpc/text_fields.h"
 
+#include <fmt/format.h>
 #include <google/protobuf/descriptor.h>
 
 #include <string>
@@ -24,7 +25,7 @@ void check(const Message& message, const std::string& prefix) {
     if (!is_message && field->type() != FieldDescriptor::TYPE_STRING) continue;
     const int count = field->is_repeated() ? reflection.FieldSize(message, field) : 1;
     for (int i = 0; i < count; ++i) {
-      const auto name = [&] { return prefix + field->name() + (field->is_repeated() ? "[" + std::to_string(i) + "]" : ""); };
+      const auto name = [&] { return prefix + field->name() + (field->is_repeated() ? fmt::format("[{}]", i) : std::string()); };
       if (is_message) {
         check(field->is_repeated() ? reflection.GetRepeatedMessage(message, field, i) : reflection.GetMessage(message, field),
               name() + ".");
