@@ -1,5 +1,6 @@
 # Writes OUTPUT, a header with the names that stand in calls of `failpoint` in SOURCES. A name stands in one place, so that a test that
 # kills the program there knows where.
+cmake_policy(VERSION 3.25)
 set(names "")
 foreach(source IN LISTS SOURCES)
   file(READ ${source} text)
@@ -18,10 +19,10 @@ endif()
 list(SORT names)
 list(LENGTH names count)
 list(JOIN names "\", \"" names)
-file(CONFIGURE OUTPUT ${OUTPUT} CONTENT "// Made by list_failpoints.cmake.
+file(WRITE ${OUTPUT} "// Made by list_failpoints.cmake.
 #pragma once
 
 #include <array>
 
-inline constexpr std::array<const char*, @count@> kFailpointNames{\"@names@\"};
-" @ONLY)
+inline constexpr std::array<const char*, ${count}> kFailpointNames{\"${names}\"};
+")

@@ -52,7 +52,9 @@ int serve(CoordinatorOptions options, const std::string& listen, const std::stri
   spdlog::info("at most {} open files", raise_descriptor_limit());
   std::filesystem::create_directories(options.dir);
   // Previews are merged beside the frames.
-  MergePool pool(program, options.merges_at_once + kPreviewsAtOnce, [&options] { options.failpoint("during-merge"); /* the child that merges was started */ });
+  MergePool pool(program, options.merges_at_once + kPreviewsAtOnce, [&options] {
+    options.failpoint("during-merge"); /* the child that merges was started */
+  });
   options.assemble_tiles = [&pool](const AssembleRequest& request) { return pool.merge(request); };
   Coordinator coordinator(options);
   CoordinatorServer server(coordinator, listen);

@@ -1,0 +1,55 @@
+// Who submits jobs, looks at them, cancels, pauses and extends them; every call is repeated until its answer arrives.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "coordinator/coordinator.h"
+#include "tests/service/simulator/world.h"
+
+namespace woodcock::simulator {
+
+class Client {
+ public:
+  /// `manifest_digest`: of a scene that the coordinator has.
+  Client(World& world, const std::string& manifest_digest);
+
+  /// Every wish is granted, and every job has ended.
+  bool satisfied() const;
+  /// What the jobs have become, and that their faults allow it.
+  void check_end(coordinator::Coordinator& coordinator);
+  /// For the journal of a schedule that does not end.
+  std::string describe() const;
+
+ private:
+  struct Job {
+    v1::SubmitJobRequest request;
+    std::string id;
+    int64_t samples = 0;
+    bool accepted = false, cancel_asked = false, cancelled = false, extend_asked = false, paused = false;
+    int wishes = 0;  ///< that are not granted yet
+    std::optional<v1::Job> seen;
+    std::map<int64_t, std::string> events;
+    int64_t cursor = 0;
+  };
+  using Work = std::function<void(coordinator::Coordinator&)>;
+
+  v1::SubmitJobRequest request(int number, const std::string& manifest_digest);
+  /// Makes the call until it is answered; `work` may throw RpcError, which is an answer unless it says that a repetition helps.
+  /// `answered` gets whether it succeeded.
+  void ask(const std::string& what, Work work, std::function<void(bool)> answered);
+  void submit(Job& job);
+  void wish(Job& job);
+  void watch(Job& job);
+  void look(Job& job, coordinator::Coordinator& coordinator);
+  void take_events(Job& job, const v1::WatchJobResponse& response);
+
+  World& world_;
+  std::vector<Job> jobs_;
+};
+
+}  // namespace woodcock::simulator
