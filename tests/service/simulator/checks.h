@@ -52,6 +52,7 @@ class Checks {
 
   World& world_;
   std::map<std::string, Lease> leases_;              // live ones of this leader
+  std::map<std::string, std::string> granted_;       // lease → worker that was told of it
   std::map<std::string, uint64_t> highest_;          // epoch of a task, of this leader
   std::map<std::string, std::string> acknowledged_;  // task → digest
   std::map<std::string, std::string> settled_;       // task → digest, as the database had it

@@ -62,39 +62,54 @@ v1::SubmitJobRequest Client::request(int number, const std::string& manifest_dig
   return r;
 }
 
-void Client::ask(const std::string& what, Work work, std::function<void(bool)> answered) {
+namespace {
+
+v1::WatchJobResponse answer(const v1::Job& job) {
+  v1::WatchJobResponse response;
+  *response.mutable_job() = job;
+  return response;
+}
+
+}  // namespace
+
+void Client::ask(Job& job, const std::string& what, Work work, Answered answered) {
   const auto over = std::make_shared<bool>(false);
-  const auto again = [this, what, work, answered, over] {
-    if (!std::exchange(*over, true))
-      world_.loop.after(world_.time(200 * kMillisecond, 2 * kSecond), [this, what, work, answered] { ask(what, work, answered); });
-  };
-  world_.send("client", Way::kToCoordinator, [this, what, work, answered, over, again] {
+  world_.send("client", Way::kToCoordinator, [this, &job, what, work, answered, over] {
+    v1::WatchJobResponse response;
     bool done = false, repeat = false;
     const bool heard = world_.leader->call({what.c_str()}, [&](Coordinator& c) {
       try {
-        work(c);
+        response = work(c);
         done = true;
       } catch (const rpc::RpcError& error) {
         repeat = rpc::is_retryable(error.code());
-        world_.journal.say("client", "{}: {}", what, error.what());
+        world_.journal.say("client", "{} {}: {}", what, job.id, error.what());
       }
     });
+    // What was said before the end of the process is true, what it said afterwards nobody has heard.
     if (!heard || repeat) return;
-    world_.send("client", Way::kFromCoordinator, [answered, over, done] {
-      if (!std::exchange(*over, true)) answered(done);
+    if (done && response.has_job()) {
+      world_.checks->shown(response.job(), job.extend_asked);
+      job.cancelled = job.cancelled || response.job().state() == v1::JOB_STATE_CANCELLED;
+    }
+    world_.send("client", Way::kFromCoordinator, [answered, over, done, response] {
+      if (!std::exchange(*over, true)) answered(done, response);
     });
   });
-  world_.loop.after(3 * kSecond, again);
+  world_.loop.after(3 * kSecond, [this, &job, what, work, answered, over] {
+    if (!std::exchange(*over, true)) ask(job, what, work, answered);
+  });
 }
 
 void Client::submit(Job& job) {
   ask(
-      "submit " + job.id,
+      job, "submit",
       [this, &job](Coordinator& c) {
         const std::string id = c.submit(job.request).job_id();
         if (id != job.id) world_.violate("request " + job.request.request_id() + " was given the job id " + id);
+        return v1::WatchJobResponse();
       },
-      [this, &job](bool done) {
+      [this, &job](bool done, const v1::WatchJobResponse&) {
         if (!done) return world_.violate("the submit of " + job.id + " was refused");
         world_.journal.say("client", "knows that {} is accepted", job.id);
         job.accepted = true;
@@ -105,64 +120,47 @@ void Client::submit(Job& job) {
 
 /// Asks for something, and when it is granted for the next thing.
 void Client::wish(Job& job) {
-  const auto granted = [this, &job](bool) {
+  const Answered granted = [this, &job](bool, const v1::WatchJobResponse&) {
     if (--job.wishes > 0) world_.loop.after(world_.time(0, 10 * kSecond), [this, &job] { wish(job); });
   };
   const int64_t which = job.paused ? 1 : world_.random.below(10);
   if (which == 0) {
     job.cancel_asked = true;
     ask(
-        "cancel " + job.id,
-        [this, &job](Coordinator& c) {
-          const v1::Job shown = c.cancel(job.id);
-          world_.checks->shown(shown, job.extend_asked);
-          job.cancelled = job.cancelled || shown.state() == v1::JOB_STATE_CANCELLED;
-        },
-        granted);
+        job, "cancel", [&job](Coordinator& c) { return answer(c.cancel(job.id)); }, granted);
   } else if (which <= 4) {
     const bool pause = !job.paused;
     job.paused = pause;
     if (pause) ++job.wishes;  // to go on
-    ask((pause ? "pause " : "resume ") + job.id,
-        [this, &job, pause](Coordinator& c) { world_.checks->shown(c.set_paused(job.id, pause), job.extend_asked); }, granted);
+    ask(
+        job, pause ? "pause" : "resume", [&job, pause](Coordinator& c) { return answer(c.set_paused(job.id, pause)); }, granted);
   } else if (which <= 7) {
-    const bool adaptive = job.request.has_target();
     job.extend_asked = true;
     const int64_t samples = 2 * job.samples;
+    const std::optional<double> error = job.request.has_target() ? std::optional(0.01) : std::nullopt;
     ask(
-        "extend " + job.id,
-        [this, &job, adaptive, samples](Coordinator& c) {
-          world_.checks->shown(adaptive ? c.extend(job.id, samples, 0.01) : c.extend(job.id, samples, {}), true);
-        },
-        [&job, samples, granted](bool done) {
+        job, "extend", [&job, error, samples](Coordinator& c) { return answer(c.extend(job.id, samples, error)); },
+        [&job, samples, granted](bool done, const v1::WatchJobResponse& response) {
           if (done) job.samples = samples;
-          granted(done);
+          granted(done, response);
         });
   } else {
     ask(
-        "look at " + job.id, [this, &job](Coordinator& c) { look(job, c); }, granted);
+        job, "look at", [&job](Coordinator& c) { return answer(c.job(job.id)); }, granted);
   }
 }
 
-void Client::look(Job& job, Coordinator& coordinator) {
-  const v1::Job shown = coordinator.job(job.id);
-  world_.checks->shown(shown, job.extend_asked);
-}
-
 void Client::watch(Job& job) {
-  auto response = std::make_shared<v1::WatchJobResponse>();
-  const int64_t cursor = job.cursor;
   ask(
-      "watch " + job.id,
-      [this, &job, response, cursor](Coordinator& c) {
+      job, "watch",
+      [&job, cursor = job.cursor](Coordinator& c) {
         bool finished = false;
-        *response = c.watch(job.id, cursor, finished);
-        world_.checks->shown(response->job(), job.extend_asked);
+        return c.watch(job.id, cursor, finished);
       },
-      [this, &job, response](bool done) {
+      [this, &job](bool done, const v1::WatchJobResponse& response) {
         if (!done) return world_.violate("job " + job.id + " was accepted and cannot be watched");
-        take_events(job, *response);
-        job.seen = response->job();
+        take_events(job, response);
+        job.seen = response.job();
         world_.loop.after(world_.time(kSecond, 4 * kSecond), [this, &job] { watch(job); });
       });
 }

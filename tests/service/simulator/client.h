@@ -36,16 +36,16 @@ class Client {
     std::map<int64_t, std::string> events;
     int64_t cursor = 0;
   };
-  using Work = std::function<void(coordinator::Coordinator&)>;
+  /// What a call answers: a job and its events, as far as it tells them.
+  using Work = std::function<v1::WatchJobResponse(coordinator::Coordinator&)>;
+  using Answered = std::function<void(bool succeeded, const v1::WatchJobResponse&)>;
 
   v1::SubmitJobRequest request(int number, const std::string& manifest_digest);
   /// Makes the call until it is answered; `work` may throw RpcError, which is an answer unless it says that a repetition helps.
-  /// `answered` gets whether it succeeded.
-  void ask(const std::string& what, Work work, std::function<void(bool)> answered);
+  void ask(Job& job, const std::string& what, Work work, Answered answered);
   void submit(Job& job);
   void wish(Job& job);
   void watch(Job& job);
-  void look(Job& job, coordinator::Coordinator& coordinator);
   void take_events(Job& job, const v1::WatchJobResponse& response);
 
   World& world_;

@@ -46,7 +46,7 @@ Leader::~Leader() {
     }
 }
 
-CoordinatorOptions Leader::options(const std::shared_ptr<Process>& process) {
+CoordinatorOptions Leader::options_of(const std::shared_ptr<Process>& process) {
   Process* const self = process.get();
   CoordinatorOptions options;
   options.dir = self->folder;
@@ -97,7 +97,7 @@ void Leader::start() {
   world_.journal.say("coordinator", "starts on {} files", left_.files.size());
   std::optional<std::string> error;
   running_ = process;
-  error = rpc::failure_of([&] { process->coordinator = std::make_unique<Coordinator>(options(process)); });
+  error = rpc::failure_of([&] { process->coordinator = std::make_unique<Coordinator>(options_of(process)); });
   running_ = nullptr;
   if (error && !process->dead) world_.violate("the coordinator does not start: " + *error);
   if (process->dead || !process->coordinator) return bury();
@@ -109,7 +109,7 @@ void Leader::start() {
 
 bool Leader::call(const Step& step, const std::function<void(Coordinator&)>& work) { return present_ && run(present_, step, work); }
 
-bool Leader::run(const std::shared_ptr<Process>& process, const Step& step, const std::function<void(Coordinator&)>& work) {
+bool Leader::run(std::shared_ptr<Process> process, const Step& step, const std::function<void(Coordinator&)>& work) {
   if (process->dead || world_.violation) return false;
   running_ = process;
   // What a service would answer with a status. One that has lost its leadership may say anything.
@@ -327,7 +327,7 @@ void Leader::replace() {
   present_ = process;
   world_.disk.locks_hold = false;
   running_ = process;
-  const auto error = rpc::failure_of([&] { process->coordinator = std::make_unique<Coordinator>(options(process)); });
+  const auto error = rpc::failure_of([&] { process->coordinator = std::make_unique<Coordinator>(options_of(process)); });
   running_ = nullptr;
   world_.disk.locks_hold = true;
   if (error) return world_.violate("the other coordinator does not start: " + *error);

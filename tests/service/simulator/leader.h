@@ -56,14 +56,14 @@ class Leader {
  private:
   struct Process;
 
-  bool run(const std::shared_ptr<Process>& process, const Step& step, const std::function<void(coordinator::Coordinator&)>& work);
+  bool run(std::shared_ptr<Process> process, const Step& step, const std::function<void(coordinator::Coordinator&)>& work);
   void pass(const std::string& point);
   void end(bool power_cut);
   void bury();
   void restart_later();
   void keep_stepping(const std::shared_ptr<Process>& process);
   void write_later(const std::shared_ptr<Process>& process);
-  coordinator::CoordinatorOptions options(const std::shared_ptr<Process>& process);
+  coordinator::CoordinatorOptions options_of(const std::shared_ptr<Process>& process);
 
   World& world_;
   std::shared_ptr<Process> present_, outdated_;

@@ -96,7 +96,7 @@ class Faults {
     size_t kind = 0;
     while (chosen >= world_.plan.weight[kind]) chosen -= world_.plan.weight[kind++];
     Worker& worker = some_worker();
-    const Time while_ = world_.random.chance(0.3) ? world_.time(8 * kSecond, 20 * kSecond) : world_.time(kSecond, 6 * kSecond);
+    const Time span = world_.random.chance(0.3) ? world_.time(8 * kSecond, 20 * kSecond) : world_.time(kSecond, 6 * kSecond);
     switch (static_cast<Fault>(kind)) {
       case Fault::kKillCoordinator:
         return world_.leader->crash(false);
@@ -117,7 +117,7 @@ class Faults {
       case Fault::kFreezeWorker:
         worker.freeze();
         // Meanwhile somebody may speak for it.
-        world_.loop.after(while_, [&worker] { worker.go_on(); });
+        world_.loop.after(span, [&worker] { worker.go_on(); });
         return;
       case Fault::kDrainWorker:
         return worker.drain();
@@ -127,7 +127,7 @@ class Faults {
         if (world_.random.chance(0.7)) ways.insert(Way::kToCoordinator);
         if (ways.empty() || world_.random.chance(0.7)) ways.insert(Way::kFromCoordinator);
         world_.journal.say("network", "is cut for {}, {} ways", peer, ways.size());
-        world_.loop.after(while_, [this, peer] { world_.cut.erase(peer); });
+        world_.loop.after(span, [this, peer] { world_.cut.erase(peer); });
         return;
       }
       case Fault::kStaleReports:
