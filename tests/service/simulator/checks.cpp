@@ -45,7 +45,7 @@ uint64_t epoch_of(const std::string& lease_id) {
 void Checks::started(Coordinator& coordinator) {
   leases_.clear();
   highest_.clear();
-  incarnations_.clear();
+  heard_.clear();
   Store& store = CoordinatorInside::store(coordinator);
   store.flush();
   term_ = store.term();
@@ -73,8 +73,22 @@ void Checks::after(Coordinator& coordinator, const Step& step) {
 
 // --- leases ------------------------------------------------------------------------------------------------------
 
-void Checks::check_leases(const Scheduler& scheduler, const Step& step) {
+bool Checks::take_in(const v1::SyncRequest& report, bool& restarted) {
+  const auto [known, first] = heard_.emplace(report.worker_id(), Heard{report.incarnation(), report.sequence()});
+  if (first) return true;
+  Heard& heard = known->second;
+  restarted = report.incarnation() > heard.incarnation;
+  if (!restarted && (report.incarnation() < heard.incarnation || report.sequence() <= heard.sequence)) return false;
+  heard = {report.incarnation(), report.sequence()};
+  return true;
+}
+
+void Checks::check_leases(const Scheduler& scheduler, const Step& given) {
   const Time now = world_.loop.now();
+  // A report that came too late counts for nothing.
+  Step step = given;
+  bool restarted = false;
+  if (step.report && !take_in(*step.report, restarted)) step.report = nullptr;
   std::map<std::string, TaskRef> live;
   for (const auto& [id, job] : scheduler.jobs()) {
     size_t of_tasks = 0;
@@ -90,7 +104,7 @@ void Checks::check_leases(const Scheduler& scheduler, const Step& step) {
 
   for (auto it = leases_.begin(); it != leases_.end();) {
     if (!live.contains(it->first)) {
-      check_end(it->first, it->second, scheduler, step);
+      check_end(it->first, it->second, scheduler, step, restarted);
       it = leases_.erase(it);
     } else {
       ++it;
@@ -124,8 +138,6 @@ void Checks::check_leases(const Scheduler& scheduler, const Step& step) {
       if (report.renewal_counter() != lease.counter) lease.renewed = now;
       lease.counter = report.renewal_counter();
     }
-    uint64_t& newest = incarnations_[step.report->worker_id()];
-    newest = std::max<uint64_t>(newest, step.report->incarnation());
   }
   if (std::string_view(step.name) != "tick") return;
   for (const auto& [id, lease] : leases_)
@@ -135,7 +147,7 @@ void Checks::check_leases(const Scheduler& scheduler, const Step& step) {
 }
 
 /// A lease ends for a reason, and none but these.
-void Checks::check_end(const std::string& id, const Lease& lease, const Scheduler& scheduler, const Step& step) {
+void Checks::check_end(const std::string& id, const Lease& lease, const Scheduler& scheduler, const Step& step, bool restarted) {
   const Frame* frame = frame_of(scheduler, lease.task);
   if (!frame || has_ended(frame->row.state) || !frame->being_rendered() || has_ended(scheduler.find(lease.task.job)->row.state)) return;
   if (const TaskState state = frame->state(lease.task.number); state != TaskState::Open) return;
@@ -146,7 +158,7 @@ void Checks::check_end(const std::string& id, const Lease& lease, const Schedule
   }
   if (step.report && step.report->worker_id() == lease.worker) {
     const v1::SyncRequest& report = *step.report;
-    if (report.incarnation() > incarnations_[lease.worker]) return;
+    if (restarted) return;
     const auto names_it = [&](const auto& item) { return item.lease_id() == id && item.epoch() == lease.epoch; };
     if (std::any_of(report.failures().begin(), report.failures().end(), names_it)) return;
     if (std::any_of(report.releases().begin(), report.releases().end(), names_it)) return;

@@ -39,13 +39,19 @@ class Checks {
     uint64_t epoch = 0, counter = 0;
     Time renewed = 0;
   };
+  /// The newest report of a worker.
+  struct Heard {
+    uint64_t incarnation = 0, sequence = 0;
+  };
   struct Shown {
     v1::JobState state{};
     int64_t tasks_done = 0, last_event = 0;
   };
 
-  void check_leases(const coordinator::Scheduler& scheduler, const Step& step);
-  void check_end(const std::string& id, const Lease& lease, const coordinator::Scheduler& scheduler, const Step& step);
+  /// Whether the report is newer than what this leader has heard of the worker; `restarted`: it is of a newer process.
+  bool take_in(const v1::SyncRequest& report, bool& restarted);
+  void check_leases(const coordinator::Scheduler& scheduler, const Step& given);
+  void check_end(const std::string& id, const Lease& lease, const coordinator::Scheduler& scheduler, const Step& step, bool restarted);
   void check_counts(const coordinator::Scheduler& scheduler);
   void check_acknowledged(coordinator::Coordinator& coordinator);
   void compare_with_database(coordinator::Coordinator& coordinator);
@@ -57,7 +63,7 @@ class Checks {
   std::map<std::string, std::string> acknowledged_;  // task → digest
   std::map<std::string, std::string> settled_;       // task → digest, as the database had it
   std::map<std::string, Shown> shown_;               // job → what a client has seen
-  std::map<std::string, uint64_t> incarnations_;     // worker → newest that reported
+  std::map<std::string, Heard> heard_;               // worker → what this leader heard of it
   uint64_t term_ = 0;                                // of this leader
   int64_t steps_ = 0;
 };
