@@ -198,7 +198,7 @@ class Coordinator {
   std::mutex last_stored_mutex_;  // taken last
   // Guarded by last_stored_mutex_:
   std::shared_ptr<const Job> last_stored_;
-  uint64_t woken_ = 0;     ///< jobs that came back from the database
+  uint64_t woken_ = 0;     ///< times that a job came back from the database, or its rows changed there
   std::mutex wake_mutex_;  // taken before mutex_: one job at a time comes back to memory
   mutable std::mutex mutex_;
   std::condition_variable wake_assembler_;

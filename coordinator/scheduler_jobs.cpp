@@ -208,6 +208,8 @@ bool Scheduler::extend(const std::string& id, int64_t samples) {
   job->row.ended_unix_ms = 0;
   set_state(*job, JobState::Running, "");
   update_job(*job);
+  // Of a job that runs already nothing else changes.
+  save_job(*job);
   return true;
 }
 

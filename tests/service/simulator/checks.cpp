@@ -253,10 +253,12 @@ void Checks::compare_with_database(Coordinator& coordinator) {
       world_.violate("job " + id + " is not in the database");
       continue;
     }
-    if (stored->row.state != job.row.state || stored->row.last_event != job.row.last_event || stored->row.paused != job.row.paused ||
-        stored->spec.samples() != job.spec.samples() || stored->spec.target != job.spec.target)
-      world_.violate(fmt::format("job {} is {} with event {} in memory, and {} with {} in the database", id, to_string(job.row.state),
-                                 job.row.last_event, to_string(stored->row.state), stored->row.last_event));
+    const auto shows = [](const Job& it) {
+      return fmt::format("{}{} with event {}, {} samples{}", to_string(it.row.state), it.row.paused ? ", paused," : "", it.row.last_event,
+                         it.spec.samples(), it.spec.target ? fmt::format(" and up to {}", it.spec.target->max_samples) : "");
+    };
+    if (shows(*stored) != shows(job))
+      world_.violate(fmt::format("job {} is {} in memory, and {} in the database", id, shows(job), shows(*stored)));
     std::map<std::pair<int, int64_t>, SettledTask> rows;
     for (const SettledTask& row : store.look([&, name = id](StoreSession& session) {
            return session.settled_from({name, 0, 0}, {}, false, 10'000);

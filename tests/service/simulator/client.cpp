@@ -21,7 +21,7 @@ Client::Client(World& world, const std::string& manifest_digest) : world_(world)
   for (size_t i = 0; i < jobs_.size(); ++i) {
     Job& job = jobs_[i];
     job.request = request(static_cast<int>(i), manifest_digest);
-    job.id = "j" + rpc::blob_digest(job.request.request_id()).substr(0, 12);
+    job.id = std::string(1, 'j').append(rpc::blob_digest(job.request.request_id()), 0, 12);
     job.samples = job.request.settings().samples();
     job.wishes = world_.random.chance(0.5) ? static_cast<int>(world_.random.between(1, 3)) : 0;
     world_.loop.after(world_.time(0, 5 * kSecond), [this, &job] { submit(job); });
@@ -121,6 +121,7 @@ void Client::submit(Job& job) {
 /// Asks for something, and when it is granted for the next thing.
 void Client::wish(Job& job) {
   const Answered granted = [this, &job](bool, const v1::WatchJobResponse&) {
+    job.granted = world_.loop.now();
     if (--job.wishes > 0) world_.loop.after(world_.time(0, 10 * kSecond), [this, &job] { wish(job); });
   };
   const int64_t which = job.paused ? 1 : world_.random.below(10);
@@ -157,10 +158,17 @@ void Client::watch(Job& job) {
         bool finished = false;
         return c.watch(job.id, cursor, finished);
       },
-      [this, &job](bool done, const v1::WatchJobResponse& response) {
+      [this, &job, asked = world_.loop.now()](bool done, const v1::WatchJobResponse& response) {
         if (!done) return world_.violate("job " + job.id + " was accepted and cannot be watched");
         take_events(job, response);
         job.seen = response.job();
+        job.asked = asked;
+        // A pause that was long under way came after all.
+        if (job.seen->state() == v1::JOB_STATE_PAUSED && job.wishes == 0) {
+          ++job.wishes;
+          job.paused = true;
+          wish(job);
+        }
         world_.loop.after(world_.time(kSecond, 4 * kSecond), [this, &job] { watch(job); });
       });
 }
@@ -180,7 +188,8 @@ void Client::take_events(Job& job, const v1::WatchJobResponse& response) {
 
 bool Client::satisfied() const {
   return std::all_of(jobs_.begin(), jobs_.end(), [](const Job& job) {
-    return job.accepted && job.wishes == 0 && job.seen && job.seen->state() >= v1::JOB_STATE_DONE && job.seen->last_event() == job.cursor;
+    return job.accepted && job.wishes == 0 && job.seen && job.asked > job.granted && job.seen->state() >= v1::JOB_STATE_DONE &&
+           job.seen->last_event() == job.cursor;
   });
 }
 

@@ -33,6 +33,7 @@ class Client {
     bool accepted = false, cancel_asked = false, cancelled = false, extend_asked = false, paused = false;
     int wishes = 0;  ///< that are not granted yet
     std::optional<v1::Job> seen;
+    Time granted = 0, asked = 0;  ///< when the last wish was, and when what is seen was asked for
     std::map<int64_t, std::string> events;
     int64_t cursor = 0;
   };

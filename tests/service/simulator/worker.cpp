@@ -25,7 +25,7 @@ constexpr int kMaxAborts = 5;
 
 Worker::Worker(World& world, int number, std::string build)
     : world_(world),
-      id_("w" + std::to_string(number)),
+      id_(fmt::format("w{}", number)),
       build_(std::move(build)),
       slots_(static_cast<int>(world.random.between(1, 2))),
       clock_offset_(world.random.between(0, 100'000) * kSecond) {
