@@ -178,6 +178,7 @@ void Client::take_events(Job& job, const v1::WatchJobResponse& response) {
   for (const v1::JobEvent& event : response.events()) {
     const std::string text = fmt::format("{} {} {} {}", event.kind(), event.task_id(), event.worker_id(), event.message());
     const auto [known, first] = job.events.emplace(event.number(), text);
+    if (first) world_.journal.say("client", "sees event {} of {}: {}", event.number(), job.id, text);
     if (!first && known->second != text)
       world_.violate(fmt::format("event {} of job {} was \"{}\" and is \"{}\"", event.number(), job.id, known->second, text));
     if (first && event.number() != job.cursor + 1)

@@ -65,14 +65,14 @@ void find_paths(const std::string& folder, std::unordered_map<ino_t, std::string
   }
 }
 
-/// A file whose bytes were `durable` when it was synced last, and are `written`.
+/// A file whose bytes were `durable` when it was synced last, and are `written`. Where it grew its new blocks may be empty; where it
+/// shrank the old ones are as they were, or gone.
 std::string mixed(const std::string& durable, const std::string& written, Random& random) {
   if (durable == written) return durable;
-  std::string bytes = random.chance(0.5) ? durable : written;
+  std::string bytes(random.chance(0.5) ? durable.size() : written.size(), '\0');
   for (size_t begin = 0; begin < bytes.size(); begin += kBlock) {
-    const std::string& source = random.chance(0.5) ? durable : written;
-    const size_t length = std::min(kBlock, bytes.size() - begin);
-    for (size_t i = begin; i < begin + length; ++i) bytes[i] = i < source.size() ? source[i] : '\0';
+    const std::string& source = begin >= written.size() || random.chance(0.5) ? durable : written;
+    if (begin < source.size()) source.copy(bytes.data() + begin, std::min(kBlock, bytes.size() - begin), begin);
   }
   return bytes;
 }
