@@ -33,7 +33,7 @@ void sync_path(const std::string& path, int flags) {
 int64_t hash_file(const std::string& path, Sha256& hash, int64_t limit = INT64_MAX) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) fail("opening " + path, errno);
-  std::string buffer(1 << 20, '\0');
+  std::string buffer(1 << 16, '\0');
   int64_t total = 0;
   while (total < limit) {
     const ssize_t n = ::read(fd, buffer.data(), static_cast<size_t>(std::min<int64_t>(static_cast<int64_t>(buffer.size()), limit - total)));
@@ -218,14 +218,18 @@ bool BlobStore::Upload::finish(Time now) {
     ::unlink(path_.c_str());
     throw BlobError(BlobError::Kind::Damaged, "the content does not have the digest; the part was thrown away");
   }
-  store_.publish(path_, digest_, now, "upload-synced", "upload-renamed");
+  store_.options_.failpoint("upload-written");  // an uploaded blob is whole, nothing of it durable
+  store_.publish(path_, digest_, now, true);
   return true;
 }
 
 /// temporary file → fsync → rename → fsync of the directory.
-void BlobStore::publish(const std::string& from, const std::string& digest, Time now, const char* synced, const char* renamed) {
+void BlobStore::publish(const std::string& from, const std::string& digest, Time now, bool uploaded) {
   sync_path(from, O_RDONLY);
-  options_.failpoint(synced);
+  if (uploaded)
+    options_.failpoint("upload-synced");  // it is on disk under its temporary name
+  else
+    options_.failpoint("image-synced");  // an image is
   const std::string to = path(digest), folder = options_.dir + "/blobs/" + digest.substr(0, 2);
   std::error_code error;
   if (!fs::is_directory(folder, error)) {
@@ -240,15 +244,19 @@ void BlobStore::publish(const std::string& from, const std::string& digest, Time
     left_.wait(lock, [&] { return !leaving_.contains(digest); });
   }
   if (::rename(from.c_str(), to.c_str()) != 0) fail("renaming " + from, errno);
-  options_.failpoint(renamed);
+  if (uploaded)
+    options_.failpoint("upload-renamed");  // it has its name, the folder is not synced
+  else
+    options_.failpoint("image-renamed");
   sync_path(folder, O_RDONLY | O_DIRECTORY);
+  if (uploaded) options_.failpoint("upload-published");  // it is a blob, who uploaded it does not know
 }
 
 std::string BlobStore::adopt(const std::string& temporary_path, Time now) {
   Sha256 hash;
   hash_file(temporary_path, hash);
   const std::string digest = hash.hex();
-  publish(temporary_path, digest, now, "image-synced", "image-renamed");
+  publish(temporary_path, digest, now, false);
   return digest;
 }
 

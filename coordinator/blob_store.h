@@ -137,7 +137,7 @@ class BlobStore {
   bool remove_unless_kept(const std::string& digest, const std::string& path, const Mark& mark);
   void clear_the_way(const std::string& path) const;
   void ensure_folder(const std::string& path) const;
-  void publish(const std::string& from, const std::string& digest, Time now, const char* synced, const char* renamed);
+  void publish(const std::string& from, const std::string& digest, Time now, bool uploaded);
 
   const BlobStoreOptions options_;
   mutable std::mutex mutex_;

@@ -23,12 +23,27 @@ int64_t unix_time_ms() {
   return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
 }
 
+namespace {
+
+StoreOptions store_options(const CoordinatorOptions& options) {
+  StoreOptions store{options.dir, options.address, options.on_fatal};
+  store.make_id = options.make_id;
+  store.failpoint = options.failpoint;
+  store.own_thread = options.own_threads;
+  store.batch = options.store_batch;
+  // How far a transaction reaches is then not a matter of time.
+  if (!options.own_threads) store.longest_batch = std::chrono::hours(1);
+  return store;
+}
+
+}  // namespace
+
 Coordinator::Coordinator(const CoordinatorOptions& options)
     : options_(options),
       blobs_({options.dir, options.min_free_bytes, options.pin, options.failpoint}, options.now()),
-      store_(std::make_unique<Store>(StoreOptions{options.dir, options.address, options.on_fatal})),
+      store_(std::make_unique<Store>(store_options(options))),
       address_(options.address),
-      leader_id_(random_id().substr(0, 16)) {
+      leader_id_(options.make_id().substr(0, 16)) {
   SchedulerOptions scheduler = options.scheduler;
   scheduler.leader_term = store_->term();
   scheduler.leader_id = leader_id_;
@@ -37,6 +52,7 @@ Coordinator::Coordinator(const CoordinatorOptions& options)
   started_ = options.now();
   started_unix_ms_ = options.unix_ms();
   recover();
+  if (!options.own_threads) return;
   for (int i = 0; i < options.merges_at_once; ++i) assemblers_.emplace_back([this] { run_assembler(); });
   ticker_ = std::thread([this] { run_ticker(); });
   housekeeper_ = std::thread([this] { run_housekeeper(); });
@@ -70,8 +86,8 @@ Coordinator::~Coordinator() {
   wake_ticker_.notify_all();
   wake_housekeeper_.notify_all();
   for (std::thread& assembler : assemblers_) assembler.join();
-  ticker_.join();
-  housekeeper_.join();
+  if (ticker_.joinable()) ticker_.join();
+  if (housekeeper_.joinable()) housekeeper_.join();
   // Of merges that were cut off.
   if (const auto error = rpc::failure_of([&] { blobs_.clear_temporary(); })) spdlog::warn("{}", *error);
   store_->stop();
@@ -128,6 +144,7 @@ void Coordinator::carry_out(const Action& any) {
           [&](const action::PinFrame& pin) {
             store_->write([pin](StoreSession& session) { session.save_frame(pin.job, pin.frame, pin.row); },
                           [this, pin] {
+                            options_.failpoint("frame-pinned");  // durable, no lease is granted
                             locked([&] {
                               scheduler_->frame_pinned(pin);
                               ++changes_;
@@ -141,12 +158,12 @@ void Coordinator::carry_out(const Action& any) {
             store_->write(
                 [this, commit, won](StoreSession& session) {
                   *won = session.commit_task(commit.task, commit.parent, commit.result);
-                  options_.failpoint("in-commit");
+                  options_.failpoint("in-commit");  // a result's rows are written, their transaction is open
                 },
                 [this, commit, won, hold] {
                   // One leader writes: a task that is open here has no row there, unless the two have parted.
                   if (!*won) options_.on_fatal("task " + to_string(commit.task) + " is settled in the database and open in memory");
-                  options_.failpoint("after-commit");
+                  options_.failpoint("after-commit");  // the transaction is durable, nobody knows
                   locked([&] {
                     scheduler_->committed(commit, options_.now());
                     tell_committed(commit);
@@ -192,7 +209,7 @@ void Coordinator::carry_out(const Action& any) {
           },
           [&](const action::SaveFrame& save) {
             std::function<void()> done;
-            if (has_ended(save.row.state)) done = [this] { options_.failpoint("after-frame-row"); };
+            if (has_ended(save.row.state)) done = [this] { options_.failpoint("after-frame-row"); };  // durable, nobody knows
             store_->write([save](StoreSession& session) { session.save_frame(save.job, save.frame, save.row); }, std::move(done));
           },
           [&](const action::ResetFrame& reset) {
@@ -320,31 +337,34 @@ void Coordinator::look_for_lost_scenes() {
   }
 }
 
+void Coordinator::tick() {
+  const std::string found = blobs_.shortage();
+  if (found != shortage_) spdlog::warn("{}", found.empty() ? "there is room on the disk again" : found);
+  shortage_ = found;
+  look_for_lost_scenes();
+  locked([&] {
+    scheduler_->hold_leasing(shortage_);
+    scheduler_->tick(options_.now());
+    ++changes_;
+  });
+}
+
+void Coordinator::answer_overdue() {
+  locked([] {});
+}
+
 void Coordinator::run_ticker() {
   Time next_second = 0;
-  std::string shortage;
   std::unique_lock lock(mutex_);
   while (!stopping_) {
     wake_ticker_.wait_for(lock, std::chrono::milliseconds(100));
     if (stopping_) return;
     lock.unlock();
     const Time now = options_.now();
-    const auto every_second = [&] {
-      const std::string found = blobs_.shortage();
-      if (found != shortage) spdlog::warn("{}", found.empty() ? "there is room on the disk again" : found);
-      shortage = found;
-      look_for_lost_scenes();
-      locked([&] {
-        scheduler_->hold_leasing(shortage);
-        scheduler_->tick(now);
-        ++changes_;
-      });
-    };
-    const auto answer_overdue = [&] { locked([] {}); };
     if (now >= next_second) {
       next_second = now + kSecond;
-      if (const auto error = rpc::failure_of(every_second)) spdlog::error("the tick failed: {}", *error);
-    } else if (const auto error = rpc::failure_of(answer_overdue)) {
+      if (const auto error = rpc::failure_of([&] { tick(); })) spdlog::error("the tick failed: {}", *error);
+    } else if (const auto error = rpc::failure_of([&] { answer_overdue(); })) {
       spdlog::error("the tick failed: {}", *error);
     }
     lock.lock();

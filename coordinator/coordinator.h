@@ -48,6 +48,10 @@ struct CoordinatorOptions {
   std::function<int64_t()> unix_ms;                         ///< wall clock, for people only
   std::function<void(const std::string& reason)> on_fatal;  ///< must not return
   Failpoint failpoint = [](const char*) {};
+  std::function<std::string()> make_id = random_id;  ///< of a new cluster, and of this leader
+  /// False: it works when it is called, and its owner calls the steps below; how much one transaction writes is the owner's as well.
+  bool own_threads = true;
+  size_t store_batch = 512;
 };
 
 /// CLOCK_BOOTTIME, in nanoseconds.
@@ -108,7 +112,18 @@ class Coordinator {
   /// Writes database and blobs, as they are at one moment, to a new folder (backup.h) while everything goes on. Throws std::runtime_error.
   BackupRecord back_up(const std::string& target);
 
+  // What its threads do, for who drives it without them. False where there was nothing to do.
+  /// The database writes one transaction.
+  bool step_store() { return store_->step(); }
+  /// One frame is merged.
+  bool step_merge();
+  /// Expires what is over; about once a second.
+  void tick();
+  /// Answers held calls whose time is over; about ten times a second.
+  void answer_overdue();
+
  private:
+  friend class CoordinatorInside;  // of tests that compare what is in memory with the database
   struct HeldSync {
     uint64_t token = 0;
     uint64_t sequence = 0;
@@ -190,6 +205,8 @@ class Coordinator {
   /// Throws RpcError kUnavailable, and has the image merged again, when its file is damaged.
   void check_image(const std::string& job, int frame, const std::string& digest);
   void run_assembler();
+  /// Takes a frame that is to be merged, and merges it without the lock. False where none is ready.
+  bool merge_one(std::unique_lock<std::mutex>& lock);
   void run_ticker();
   void run_housekeeper();
   bool stopping() const;
@@ -214,7 +231,7 @@ class Coordinator {
   std::mutex last_stored_mutex_;  // taken last
   // Guarded by last_stored_mutex_:
   std::shared_ptr<const Job> last_stored_;
-  uint64_t woken_ = 0;             ///< jobs that came back from the database
+  uint64_t woken_ = 0;             ///< times that a job came back from the database, or its rows changed there
   std::timed_mutex housekeeping_;  // taken first: one clean-up or back-up at a time
   std::mutex wake_mutex_;          // taken before mutex_: one job at a time comes back to memory, or goes for ever
   mutable std::mutex mutex_;
@@ -236,6 +253,7 @@ class Coordinator {
   std::string leader_id_;  // of this start; constant
   Time started_ = 0;
   int64_t started_unix_ms_ = 0;
+  std::string shortage_;  // of room on the disk, as the ticker saw it last; its own
 
   std::vector<std::thread> assemblers_;
   std::thread ticker_;

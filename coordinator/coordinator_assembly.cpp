@@ -141,9 +141,9 @@ void Coordinator::assemble_one(AssembleJob& work) {
     reopen(damaged, "the result was damaged at rest", false);
     return;
   }
-  options_.failpoint("before-merge");
+  options_.failpoint("before-merge");  // all tasks of a frame are settled
   AssembleResult result = options_.assemble_tiles(request);
-  options_.failpoint("after-merge");
+  options_.failpoint("after-merge");  // the image is in a temporary file
   // What was extended or reopened meanwhile is merged again.
   if (result.ok && request.target && !result.decision.done()) {
     const bool goes_on = locked([&] {
@@ -171,7 +171,7 @@ void Coordinator::assemble_one(AssembleJob& work) {
       result.error = error.what();
     }
   }
-  options_.failpoint("after-publish");
+  options_.failpoint("after-publish");  // the image is a blob, the frame's row does not name it
   if (!result.damaged.empty()) {
     std::vector<TaskRef> damaged;
     for (const size_t i : result.damaged)
@@ -192,26 +192,33 @@ void Coordinator::assemble_one(AssembleJob& work) {
 void Coordinator::run_assembler() {
   std::unique_lock lock(mutex_);
   while (!stopping_) {
-    const Time now = options_.now();
-    // A frame that was extended while it is merged is merged again afterwards.
-    const auto ready = std::find_if(to_assemble_.begin(), to_assemble_.end(), [&](const AssembleJob& job) {
-      return job.not_before <= now && !being_assembled_.contains({job.job, job.frame});
-    });
-    if (ready == to_assemble_.end()) {
-      wake_assembler_.wait_for(lock, std::chrono::milliseconds(200));
-      continue;
-    }
-    AssembleJob job = *ready;
-    to_assemble_.erase(ready);
-    being_assembled_.emplace(job.job, job.frame);
-    lock.unlock();
-    if (const auto error = rpc::failure_of([&] { assemble_one(job); })) {
-      if (const auto again = rpc::failure_of([&] { merge_failed(job, *error); }))
-        spdlog::error("a frame of job {} is not merged: {}; {}", job.job, *error, *again);
-    }
-    lock.lock();
-    being_assembled_.erase({job.job, job.frame});
+    if (!merge_one(lock)) wake_assembler_.wait_for(lock, std::chrono::milliseconds(200));
   }
+}
+
+bool Coordinator::step_merge() {
+  std::unique_lock lock(mutex_);
+  return merge_one(lock);
+}
+
+bool Coordinator::merge_one(std::unique_lock<std::mutex>& lock) {
+  const Time now = options_.now();
+  // A frame that was extended while it is merged is merged again afterwards.
+  const auto ready = std::find_if(to_assemble_.begin(), to_assemble_.end(), [&](const AssembleJob& job) {
+    return job.not_before <= now && !being_assembled_.contains({job.job, job.frame});
+  });
+  if (ready == to_assemble_.end()) return false;
+  AssembleJob job = *ready;
+  to_assemble_.erase(ready);
+  being_assembled_.emplace(job.job, job.frame);
+  lock.unlock();
+  if (const auto error = rpc::failure_of([&] { assemble_one(job); })) {
+    if (const auto again = rpc::failure_of([&] { merge_failed(job, *error); }))
+      spdlog::error("a frame of job {} is not merged: {}; {}", job.job, *error, *again);
+  }
+  lock.lock();
+  being_assembled_.erase({job.job, job.frame});
+  return true;
 }
 
 void Coordinator::check_image(const std::string& id, int index, const std::string& digest) {

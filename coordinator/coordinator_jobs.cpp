@@ -106,6 +106,7 @@ v1::SubmitJobResponse Coordinator::submit(const v1::SubmitJobRequest& request) {
   if (repeated && (!earlier || earlier->spec.request_digest != spec.request_digest))
     throw rpc::RpcError(rpc::Code::kAlreadyExists, "request id " + spec.request_id + " was used for another submit; make a new one");
   if (!repeated) {
+    options_.failpoint("job-inserted");  // durable, who submitted it does not know
     Job job = make_job(std::move(rows.spec));
     locked([&] {
       if (!scheduler_->find(spec.id)) scheduler_->add_job(std::move(job));

@@ -36,9 +36,12 @@ void Coordinator::wake(const std::string& id, Work work) {
   const std::lock_guard one_at_a_time(wake_mutex_);
   for (bool done = false; !done;) {
     bool here = false;
+    uint64_t seen = 0;
     {
       const std::lock_guard lock(mutex_);
       here = scheduler_->find(id) != nullptr;
+      const std::lock_guard stored_lock(last_stored_mutex_);
+      seen = woken_;
     }
     // What was written before it went is read: the database works in order.
     std::optional<Job> job;
@@ -46,6 +49,10 @@ void Coordinator::wake(const std::string& id, Work work) {
     done = locked([&] {
       if (!scheduler_->find(id)) {
         if (!job) return false;  // it went meanwhile
+        {
+          const std::lock_guard stored_lock(last_stored_mutex_);
+          if (woken_ != seen) return false;  // the database has numbered an event of a job meanwhile, perhaps of this one
+        }
         forget_stored();
         scheduler_->recover_job(std::move(*job), {}, options_.now());
       }

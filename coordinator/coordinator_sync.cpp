@@ -229,6 +229,8 @@ bool Coordinator::try_answer(const std::string& worker_id, HeldSync& held, Compl
   }
   for (size_t i = 0; i < held.offers.size(); ++i)
     *response.add_verdicts() = verdict_to_wire(held.offers[i], held.verdicts[i].first, held.verdicts[i].second);
+  if (std::any_of(held.verdicts.begin(), held.verdicts.end(), [](const auto& v) { return v.first == OfferStatus::Committed; }))
+    options_.failpoint("before-verdict");  // a commit is known here, who offered the result is not told
   response.set_next_sync_ms(undecided ? 1000 : 0);
   response.set_notice(answer.notice);
   // A commit that it made just now may still have to be carried out.

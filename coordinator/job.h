@@ -36,7 +36,8 @@ struct Frame : FrameCounts {
   std::map<int64_t, ActiveTask> active;
   std::map<int64_t, FailedTask> failures;  ///< tasks that were given up, the first kListedFailures
   bool pin_pending = false;
-  int64_t next_fresh = 0;  ///< tasks before this were leased, settled or put into `retry`
+  std::string pin_build, pin_class;  ///< of the pin that is pending
+  int64_t next_fresh = 0;            ///< tasks before this were leased, settled or put into `retry`
   /// Results that are there already were looked for among the tasks before the first number, and are being looked for before the second.
   int64_t looked_up = 0, looking_up = 0;
   std::set<int64_t> retry;  ///< open tasks to be leased again

@@ -72,7 +72,9 @@ int serve(CoordinatorOptions options, const std::string& listen, const std::stri
   spdlog::info("at most {} open files", raise_descriptor_limit());
   std::filesystem::create_directories(options.dir);
   // Previews are merged beside the frames.
-  MergePool pool(program, options.merges_at_once + kPreviewsAtOnce, [&options] { options.failpoint("during-merge"); });
+  MergePool pool(program, options.merges_at_once + kPreviewsAtOnce, [&options] {
+    options.failpoint("during-merge"); /* the child that merges was started */
+  });
   options.assemble_tiles = [&pool](const AssembleRequest& request) { return pool.merge(request); };
   Coordinator coordinator(options);
   CoordinatorServer server(coordinator, listen);
@@ -190,7 +192,7 @@ int main(int argc, char** argv) {
                          "The folder to make; it must not exist", "Folder of the coordinator", to_back_up);
   const auto* restore_command = add_backup_command(app, "restore", "Make a coordinator's folder of a back-up, which stays as it is",
                                                    "Folder of the back-up", "The folder to make; it must not exist", to_restore);
-  app.add_option("--test-hook", test_hook, "POINT@N: end as by SIGKILL the N-th time it passes a point that coordinator/failpoint.h names")
+  app.add_option("--test-hook", test_hook, "POINT@N: end as by SIGKILL the N-th time it passes a point; a wrong one lists them")
       ->group("For tests of fault handling only");
   app.add_option("--merges", options.merges_at_once, "Frames that are merged at once, each in a process of its own")
       ->check(CLI::Range(1, 256))

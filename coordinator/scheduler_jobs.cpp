@@ -49,7 +49,14 @@ std::vector<Action> Scheduler::take_actions() {
 void Scheduler::save_job(const Job& job) { actions_.push_back(action::SaveJob{job.spec.id, job.spec, job.row}); }
 
 void Scheduler::save_frame(const Job& job, const Frame& frame) {
-  actions_.push_back(action::SaveFrame{job.spec.id, static_cast<int>(&frame - job.frames.data()), frame.row});
+  action::SaveFrame save{job.spec.id, static_cast<int>(&frame - job.frames.data()), frame.row};
+  if (frame.pin_pending) {
+    // Its row is pinned when this is written, though nobody here may count on it yet.
+    save.row.pinned = true;
+    save.row.build = frame.pin_build;
+    save.row.arithmetic_class = frame.pin_class;
+  }
+  actions_.push_back(std::move(save));
 }
 
 /// Puts the job where its turn is, or takes it out when there is nothing to lease. One that has as many workers as it may is in no
@@ -195,6 +202,8 @@ bool Scheduler::extend(const std::string& id, int64_t samples) {
   job->row.ended_unix_ms = 0;
   set_state(*job, JobState::Running, "");
   update_job(*job);
+  // Of a job that runs already nothing else changes.
+  save_job(*job);
   return true;
 }
 

@@ -324,6 +324,8 @@ std::optional<TaskRef> Scheduler::choose(const std::string& worker_id, const Wor
     if (to_pin && !waits) {
       Frame& frame = job.frames[*to_pin];
       frame.pin_pending = true;
+      frame.pin_build = worker.last.build;
+      frame.pin_class = worker.last.arithmetic_class;
       action::PinFrame pin{job.spec.id, static_cast<int>(*to_pin), frame.row};
       pin.row.pinned = true;
       pin.row.build = worker.last.build;

@@ -79,8 +79,6 @@ const std::vector<std::vector<const char*>> kUpgrades{
     {"alter table jobs add column policy text not null default ''"},
 };
 
-constexpr std::chrono::milliseconds kLongestBatch{20};
-
 [[noreturn]] void refuse(const std::string& message) { throw std::runtime_error(message); }
 
 }  // namespace
@@ -155,7 +153,7 @@ Store::Store(const StoreOptions& options) : options_(options) {
     ::close(lock_fd_);
     throw;
   }
-  thread_ = std::thread([this] { work_off(); });
+  if (options.own_thread) thread_ = std::thread([this] { work_off(); });
 }
 
 Store::~Store() {
@@ -165,6 +163,11 @@ Store::~Store() {
 }
 
 void Store::stop() {
+  if (!options_.own_thread) {
+    while (step()) {
+    }
+    return;
+  }
   if (!thread_.joinable()) return;
   {
     const std::lock_guard lock(mutex_);
@@ -200,7 +203,16 @@ void Store::raise_term(uint64_t above, std::function<void()> done) {
       });
 }
 
+void Store::step_until_idle() {
+  if (options_.own_thread) return;
+  while (step()) {
+  }
+  const std::lock_guard lock(mutex_);
+  if (failed_) throw std::runtime_error("the database failed");
+}
+
 void Store::flush() {
+  step_until_idle();
   std::unique_lock lock(mutex_);
   const uint64_t target = queued_;
   flushed_.wait(lock, [&] { return durable_ >= target || failed_; });
@@ -219,30 +231,39 @@ void Store::work_off() {
       wake_.wait(lock, [&] { return stopping_ || copy_ || !queue_.empty(); });
       if (queue_.empty() && stopping_ && !copy_) return;
     }
-    std::vector<Operation> batch;
-    try {
-      write_batch(batch);
-      step_copy();
-      {
-        const std::lock_guard lock(mutex_);
-        durable_ += batch.size();
-      }
-      flushed_.notify_all();
-    } catch (const std::exception& error) {
-      {
-        const std::lock_guard lock(mutex_);
-        failed_ = true;
-      }
-      flushed_.notify_all();
-      end_copy(std::current_exception());
-      // What was acknowledged is durable, what was not is repeated by those who asked: the only safe answer is none.
-      options_.on_fatal(std::string("the database failed: ") + error.what());
-      return;
-    }
-    for (Operation& operation : batch)
-      if (const auto error = operation.done ? rpc::failure_of(operation.done) : std::nullopt)
-        spdlog::error("what follows a commit failed: {}", *error);
+    if (!step()) return;
   }
+}
+
+bool Store::step() {
+  {
+    const std::lock_guard lock(mutex_);
+    if ((queue_.empty() && !copy_) || failed_) return false;
+  }
+  std::vector<Operation> batch;
+  try {
+    write_batch(batch);
+    step_copy();
+    {
+      const std::lock_guard lock(mutex_);
+      durable_ += batch.size();
+    }
+    flushed_.notify_all();
+  } catch (const std::exception& error) {
+    {
+      const std::lock_guard lock(mutex_);
+      failed_ = true;
+    }
+    flushed_.notify_all();
+    end_copy(std::current_exception());
+    // What was acknowledged is durable, what was not is repeated by those who asked: the only safe answer is none.
+    options_.on_fatal(std::string("the database failed: ") + error.what());
+    return false;
+  }
+  for (Operation& operation : batch)
+    if (const auto error = operation.done ? rpc::failure_of(operation.done) : std::nullopt)
+      spdlog::error("what follows a commit failed: {}", *error);
+  return true;
 }
 
 /// Takes what waits, as much as is written within a moment: whoever reads waits for one batch, and its own.
@@ -254,7 +275,7 @@ void Store::write_batch(std::vector<Operation>& batch) {
   soci::transaction transaction(*sql_);
   StoreSession session(*sql_);
   bool fenced = false;
-  const auto end = std::chrono::steady_clock::now() + kLongestBatch;
+  const auto end = std::chrono::steady_clock::now() + options_.longest_batch;
   while (batch.size() < options_.batch && (batch.empty() || std::chrono::steady_clock::now() < end)) {
     {
       const std::lock_guard lock(mutex_);
@@ -271,6 +292,7 @@ void Store::write_batch(std::vector<Operation>& batch) {
     }
     batch.back().work(session);
   }
+  options_.failpoint("batch-written");  // what waited is written, its transaction is open
   transaction.commit();
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <exception>
@@ -17,6 +18,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "coordinator/failpoint.h"
 #include "coordinator/job.h"
 
 namespace soci {
@@ -152,6 +154,9 @@ struct StoreOptions {
   std::function<void(const std::string& reason)> on_fatal;  ///< must not return
   size_t batch = 512;                                       ///< operations of one transaction
   std::function<std::string()> make_id = random_id;         ///< for a new database
+  std::chrono::milliseconds longest_batch{20};              ///< after so long a transaction takes no further operation
+  bool own_thread = true;                                   ///< false: whoever has the store calls step(), and so does who waits for it
+  Failpoint failpoint = [](const char*) {};
 };
 
 class Store {
@@ -162,6 +167,9 @@ class Store {
   ~Store();
   /// Writes what is queued, callbacks and what they queue included. Nothing may be queued afterwards.
   void stop();
+  /// Writes the next batch and runs its callbacks. False where nothing waits, or the database has failed. The thread calls it; without
+  /// one the owner does.
+  bool step();
 
   /// Made with the database: workers tell by it that they talk to another one.
   const std::string& cluster_id() const { return cluster_id_; }
@@ -224,6 +232,7 @@ class Store {
              }
            },
            [outcome] { outcome->durable.set_value(); }, changes});
+    step_until_idle();
     durable.get();
     if (outcome->error) std::rethrow_exception(outcome->error);
     return std::move(*outcome->result);
@@ -233,6 +242,8 @@ class Store {
   void work_off();
   void step_copy();
   void end_copy(std::exception_ptr error);
+  /// For who waits, where there is no thread. Throws std::runtime_error where the database has failed.
+  void step_until_idle();
   void write_batch(std::vector<Operation>& batch);
 
   const StoreOptions options_;

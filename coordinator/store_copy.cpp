@@ -71,6 +71,7 @@ void Store::copy_to(const std::string& path) {
     copy_ = copy;
   }
   wake_.notify_one();
+  step_until_idle();
   done.get();
 }
 

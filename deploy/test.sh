@@ -67,11 +67,14 @@ fi
 # Each defence is taken out in a copy below build/mutants; of the sanitizers' build it would say nothing else.
 undefended=0
 if [ "${#exclude[@]}" -eq 0 ] && [ "$preset" = release ]; then
-  tests/hard_cases/run_mutants.py --jobs "$jobs" | tee "build/$preset/mutants.txt"
-  if [ "${PIPESTATUS[0]}" -ne 0 ]; then
-    undefended=$(grep -c -E '^(survived|stale|broken) ' "build/$preset/mutants.txt")
-    [ "$undefended" -gt 0 ] || undefended=1
-  fi
+  for list in hard_cases faults; do
+    tests/hard_cases/run_mutants.py --list "tests/$list/mutants.txt" --jobs "$jobs" | tee "build/$preset/mutants-$list.txt"
+    if [ "${PIPESTATUS[0]}" -ne 0 ]; then
+      found=$(grep -c -E '^(survived|stale|broken) ' "build/$preset/mutants-$list.txt")
+      [ "$found" -gt 0 ] || found=1
+      undefended=$((undefended + found))
+    fi
+  done
 fi
 
 count() { grep -o -m 1 "$1=\"[0-9]*\"" "$report" | head -n 1 | tr -dc '0-9'; }

@@ -167,9 +167,7 @@ v1::SyncRequest Supervisor::make_request() {
   for (const std::string& tag : options_.tags) request.add_tags(tag);
   request.set_memory_bytes(options_.memory);
   if (draining_) request.set_drain_ms(std::max<int64_t>(0, std::chrono::duration_cast<milliseconds>(drain_deadline_ - boot_now()).count()));
-  request.set_cluster_id(cluster_id_);
-  request.set_leader_term(leader_term_);
-  request.set_leader_id(leader_id_);
+  leader_.fill(request);
   book_.fill(request, boot_now());
   return request;
 }
@@ -254,23 +252,26 @@ milliseconds Supervisor::back_off() {
 
 bool Supervisor::recognize(const v1::SyncResponse& response) {
   const std::string& address = addresses_[address_ % addresses_.size()];
-  if (!cluster_id_.empty() && response.cluster_id() != cluster_id_) {
-    spdlog::warn("the coordinator at {} is of another cluster, {} instead of {}: this worker joins it anew and drops its leases", address,
-                 response.cluster_id(), cluster_id_);
-    book_.leave_cluster();
-  } else if (response.leader_term() < leader_term_) {
-    if (connected_)
-      spdlog::warn("the coordinator at {} answers with leader term {}, and {} was seen: it is outdated; trying again", address,
-                   response.leader_term(), leader_term_);
-    connected_ = false;
-    ++address_;
-    return false;
-  } else if (!leader_id_.empty() && response.leader_id() != leader_id_) {
-    spdlog::info("the coordinator at {} was started again: leader term {}", address, response.leader_term());
+  const std::string cluster = leader_.cluster_id();
+  switch (leader_.recognize(response)) {
+    case LeaderSeen::Answer::kOtherCluster:
+      spdlog::warn("the coordinator at {} is of another cluster, {} instead of {}: this worker joins it anew and drops its leases", address,
+                   response.cluster_id(), cluster);
+      book_.leave_cluster();
+      break;
+    case LeaderSeen::Answer::kOutdated:
+      if (connected_)
+        spdlog::warn("the coordinator at {} answers with leader term {}, and {} was seen: it is outdated; trying again", address,
+                     response.leader_term(), leader_.leader_term());
+      connected_ = false;
+      ++address_;
+      return false;
+    case LeaderSeen::Answer::kRestarted:
+      spdlog::info("the coordinator at {} was started again: leader term {}", address, response.leader_term());
+      break;
+    case LeaderSeen::Answer::kKnown:
+      break;
   }
-  cluster_id_ = response.cluster_id();
-  leader_id_ = response.leader_id();
-  leader_term_ = response.leader_term();
   return true;
 }
 
@@ -284,7 +285,7 @@ milliseconds Supervisor::take_answer(const Call& call) {
     connected_ = true;
     failures_in_a_row_ = aborts_in_a_row_ = 0;
     // The answer to what was meant for another cluster says nothing else.
-    if (call.request.cluster_id() != call.response.cluster_id() && !call.request.cluster_id().empty()) return milliseconds(0);
+    if (!answers(call.response, call.request)) return milliseconds(0);
     note(book_.apply(call.request, call.sent_at, call.response, boot_now()));
     for (const std::string& address : call.response.coordinator_addresses())
       if (std::find(addresses_.begin(), addresses_.end(), address) == addresses_.end() && addresses_.size() < 16 &&

@@ -16,6 +16,7 @@
 
 #include "woodcock/v1/blobs_service.grpc.pb.h"
 #include "woodcock/v1/workers_service.grpc.pb.h"
+#include "worker/leader_seen.h"
 #include "worker/lease_book.h"
 #include "worker/scene_store.h"
 #include "worker/spool.h"
@@ -102,8 +103,7 @@ class Supervisor {
   size_t address_ = 0;  // the one in use
   std::map<std::string, std::shared_ptr<grpc::Channel>> channels_;
   uint64_t sequence_ = 0;
-  std::string cluster_id_, leader_id_;  // of the last answer
-  uint64_t leader_term_ = 0;
+  LeaderSeen leader_;
   uint64_t attempts_ = 0;
   int failures_in_a_row_ = 0, aborts_in_a_row_ = 0;
   bool connected_ = false;

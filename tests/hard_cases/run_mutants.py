@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Takes the defences of the hard cases out, one after the other, and sees that their tests fail. README.md tells of it."""
+"""Takes the defences of the hard cases, or of the farm, out, one after the other, and sees that their tests fail. README.md tells of it."""
 
 import argparse
 import os
@@ -12,7 +12,8 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 OPEN, TESTED = 'open', 'yes'
-TEST = re.compile(r'\bTEST(?:_F|_P)?\s*\(\s*\w+\s*,\s*(N\d\d_\w+)\s*\)')
+NUMERIC, FARM = 'N', 'F'  # rows of the two lists
+TEST = re.compile(r'\bTEST(?:_F|_P)?\s*\(\s*\w+\s*,\s*([NF]\d\d_\w+)\s*\)')
 
 
 class ListError(Exception):
@@ -39,7 +40,7 @@ def read_mutants(path):
             raise ListError(f'{path.name}:{number}:1: found "{line}", expected {expected}')
         if not line.strip() or line.startswith('#'):
             continue
-        head = re.fullmatch(r'(N\d\d\.\d+) (.+)', line)
+        head = re.fullmatch(r'([NF]\d\d\.\d+) (.+)', line)
         if head:
             if head[1] in names:
                 fail('a name that no other mutant has')
@@ -69,12 +70,15 @@ def read_mutants(path):
 
 
 def read_rows(path):
-    """Row → whether it is open, from the table of README.md."""
+    """Row → whether it is open, from the table of the README.md beside the list. The last cell of a farm's row names its tests."""
     rows = {}
     for number, line in enumerate(path.read_text(encoding='utf-8').split('\n'), 1):
-        if not re.match(r'\| N\d\d ', line):
+        if not re.match(r'\| [NF]\d\d ', line):
             continue
         cells = [cell.strip() for cell in re.split(r'(?<!\\)\|', line)[1:-1]]
+        if cells[0][0] == FARM:
+            rows[cells[0]] = cells[-1] == '–'
+            continue
         if len(cells) != 5 or not all(cells) or cells[4] not in (OPEN, TESTED) or cells[0] in rows:
             raise ListError(f'{path.name}:{number}:1: expected a row of its own with five cells, the last "{TESTED}" or "{OPEN}"')
         rows[cells[0]] = cells[4] == OPEN
@@ -112,19 +116,22 @@ def mutated(root, mutant):
 def check(root, rows, mutants):
     """What does not agree between the table, the tests and the mutants."""
     faults, tests = [], find_tests(root)
-    tested = {test[:3] for test in tests}
-    for row, is_open in sorted(rows.items()):
+    numeric = {row: is_open for row, is_open in rows.items() if row[0] == NUMERIC}
+    tested = {test[:3] for test in tests if test[0] == NUMERIC} if numeric else set()
+    for row, is_open in sorted(numeric.items()):
         if is_open and row in tested:
             faults.append(f'{row} is open in README.md and has tests: say "{TESTED}" there and give it a mutant in mutants.txt')
         elif not is_open and row not in tested:
             faults.append(f'{row} has no test: expected one named {row}_what_it_promises below tests/')
         if not is_open and all(mutant.row != row for mutant in mutants):
             faults.append(f'{row} has no mutant in mutants.txt')
-    for row in sorted(tested - rows.keys()):
+    for row in sorted(tested - numeric.keys()):
         faults.append(f'tests are named after {row}, which README.md does not list')
-    if rows and sorted(rows) != [f'N{i:02}' for i in range(1, len(rows) + 1)]:
-        faults.append('the rows of README.md are not N01, N02, … without a gap')
+    if rows and sorted(rows) != [f'{min(rows)[0]}{i:02}' for i in range(1, len(rows) + 1)]:
+        faults.append('the rows of README.md are not N01, N02, …, or F01, F02, …, without a gap')
     for mutant in mutants:
+        if mutant.row not in rows:
+            faults.append(f'{mutant.name} is of a row that README.md does not list')
         for test in mutant.tests:
             if test not in tests:
                 faults.append(f'{mutant.name} names {test}, which no program of tests/ has')
@@ -224,7 +231,7 @@ def main():
     arguments = parser.parse_args()
     root = arguments.root.resolve()
     try:
-        mutants, rows = read_mutants(arguments.list), read_rows(root / 'tests/hard_cases/README.md')
+        mutants, rows = read_mutants(arguments.list), read_rows(arguments.list.resolve().parent / 'README.md')
     except ListError as error:
         sys.exit(f'run_mutants: {error}')
     if arguments.check:

@@ -109,6 +109,17 @@ class RunMutants(unittest.TestCase):
         self.write('tests/hard_cases/README.md', TABLE.replace('| N02 | a | b | c | yes |\n', ''))
         self.assertIn('tests are named after N02, which README.md does not list', self.check(CAUGHT, CRASH)[1])
 
+    def test_the_farm_has_a_list_and_rows_of_its_own(self):
+        self.write('tests/faults/README.md', '| F01 | a | b | c | `F01_…` in small_test |\n')
+        self.write('tests/hard_cases/small_test.cpp', TEST.replace('N01_', 'F01_'))
+        farm = ['--check', '--list', str(self.root / 'tests/faults/mutants.txt')]
+        for row, outcome in [('F01', (0, '1 rows, 1 mutants, 0 faults\n')), ('F02', (1, None))]:
+            self.write('tests/faults/mutants.txt', CAUGHT.replace('N01', row))
+            code, said = self.run_script([CAUGHT], *farm)
+            self.assertEqual((code, said if outcome[1] else None), outcome, said)
+        self.assertIn('F02.1 is of a row that README.md does not list', said)
+        self.assertIn('F02_half_of_two_is_one, which no program', said)
+
     def test_a_list_that_cannot_be_read_is_an_error_with_its_line(self):
         for spoiled, place in [(CAUGHT.replace('in code.cpp\n', ''), 'mutants.txt:2:1'), (CAUGHT.replace('fails N01', 'fails N02'), 'mutants.txt:5:1'),
                                (CAUGHT + CAUGHT, 'mutants.txt:6:1'), (CAUGHT.replace('fails N01_half_of_two_is_one\n', ''), 'mutant N01.1 lacks')]:

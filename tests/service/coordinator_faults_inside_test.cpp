@@ -97,6 +97,20 @@ TEST(Coordinator, AWatcherIsToldWhenTheCoordinatorStops) {
   EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::UNAVAILABLE);
 }
 
+TEST(Coordinator, F03TheExtensionOfARunningJobSurvivesARestart) {
+  const TemporaryFolder folder;
+  CoordinatorWorld world(folder.path);
+  const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
+  EXPECT_EQ(world.work("w1", 1), 1);
+  EXPECT_EQ(world.coordinator->extend(id, 12, {}).settings().samples(), 12);
+  world.stop();
+  world.start();
+  EXPECT_EQ(world.coordinator->job(id).settings().samples(), 12);
+  EXPECT_EQ(world.work("w1"), 7);
+  EXPECT_EQ(world.wait_until_ended(id).state(), v1::JOB_STATE_DONE);
+  EXPECT_TRUE(image_of(world, id) == whole_frame(world, 12));
+}
+
 TEST(Coordinator, F34AFrameOfABuildThatIsGoneStartsAgainWhenAsked) {
   const TemporaryFolder folder;
   CoordinatorWorld world(folder.path);

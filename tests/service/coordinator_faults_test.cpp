@@ -2,6 +2,10 @@
 // folder. The image must be, byte by byte, the one that an undisturbed `woodcock render` makes.
 #include <signal.h>
 
+#include <array>
+#include <set>
+
+#include "coordinator/failpoint.h"
 #include "tests/service/service_fixture.h"
 
 namespace woodcock::testing_service {
@@ -13,17 +17,19 @@ using ::testing::HasSubstr;
 const std::string kSphere = std::string(WOODCOCK_SOURCE_DIR) + "/scenes/sphere.pbrt";
 const std::string kCornell = std::string(WOODCOCK_SOURCE_DIR) + "/scenes/cornell.pbrt";
 
-/// "POINT@N" with what N counts; `failpoint.h` says where each lies.
+/// "POINT@N": the N-th time it is passed. The sources say where each lies.
 class CoordinatorKilledAt : public ServiceTest, public ::testing::WithParamInterface<const char*> {};
 
 TEST_P(CoordinatorKilledAt, F03F04TheImageIsTheSameAndNothingIsLeftBehind) {
   start_coordinator(3, 0, {"--test-hook", GetParam()});
   start_worker();
   const std::vector<std::string> scene{kSphere, "--spp", "8", "--resolution", "48x48"};
-  const std::string job = submit({kSphere, "--spp", "8", "--resolution", "48x48", "--tile", "16"});
+  const auto submit = woodcock_in_background({"submit", kSphere, "--spp", "8", "--resolution", "48x48", "--tile", "16"});
   ASSERT_EQ(coordinator_->wait(kPatience), 128 + SIGKILL) << "the failpoint did not fire";
   ASSERT_THAT(coordinator_->err(), HasSubstr("test hook: killed at"));
   restart_coordinator();
+  ASSERT_EQ(submit->wait(kPatience), 0) << submit->err();
+  const std::string job = submit->out().substr(0, submit->out().find('\n'));
   ASSERT_EQ(watch(job), 0) << show(job).dump(2);
   const nlohmann::json progress = show(job)["progress"];
   EXPECT_EQ(progress["tasks_done"], 9);
@@ -34,11 +40,18 @@ TEST_P(CoordinatorKilledAt, F03F04TheImageIsTheSameAndNothingIsLeftBehind) {
   expect_no_leftovers();
 }
 
-// Uploads 1 and 2 are the scene and its manifest; the job has 9 results and one image.
-INSTANTIATE_TEST_SUITE_P(Service, CoordinatorKilledAt,
-                         ::testing::Values("upload-synced@4", "upload-renamed@4", "in-commit@3", "after-commit@1", "after-commit@9",
-                                           "before-merge@1", "during-merge@1", "after-merge@1", "image-synced@1", "image-renamed@1",
-                                           "after-publish@1", "after-frame-row@1"));
+// Uploads 1 and 2 are the scene and its manifest; the job has 9 results and one image. The client repeats a submit without an answer.
+constexpr std::array kKills{"upload-written@4", "upload-synced@4",  "upload-renamed@4", "upload-published@4", "job-inserted@1",
+                            "frame-pinned@1",   "batch-written@12", "in-commit@3",      "after-commit@1",     "after-commit@9",
+                            "before-verdict@2", "before-merge@1",   "during-merge@1",   "after-merge@1",      "image-synced@1",
+                            "image-renamed@1",  "after-publish@1",  "after-frame-row@1"};
+INSTANTIATE_TEST_SUITE_P(Service, CoordinatorKilledAt, ::testing::ValuesIn(kKills));
+
+TEST(CoordinatorKilled, AtEveryFailpointOfItsSources) {
+  std::set<std::string> points(coordinator::failpoints().begin(), coordinator::failpoints().end()), killed;
+  for (const std::string kill : kKills) killed.insert(kill.substr(0, kill.find('@')));
+  EXPECT_EQ(killed, points) << "each failpoint has its kill above";
+}
 
 class CoordinatorStops : public ServiceTest {};
 

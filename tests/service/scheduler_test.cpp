@@ -325,6 +325,27 @@ TEST(Scheduler, F24PauseStopsNewLeasesCancelEndsThemAndALateResultChangesNothing
   EXPECT_EQ(world.scheduler.find("j1")->row.state, JobState::Cancelled);
 }
 
+TEST(Scheduler, F24AnExtensionBesideAPinThatIsNotDurableYetKeepsIt) {
+  SchedulerWorld world;
+  world.scheduler.add_job(test_job("j1"));
+  EXPECT_EQ(world.scheduler.report(world.report("w1"), world.now), ReportStatus::Accepted);
+  world.scheduler.answer("w1", world.now);
+  EXPECT_TRUE(world.scheduler.extend("j1", 128));
+  FrameRow row;
+  int pins = 0;
+  for (const Action& any : world.scheduler.take_actions()) {
+    if (const auto* pin = std::get_if<action::PinFrame>(&any)) {
+      row = pin->row;
+      ++pins;
+    }
+    if (const auto* save = std::get_if<action::SaveFrame>(&any)) row = save->row;
+  }
+  EXPECT_EQ(pins, 1);
+  EXPECT_TRUE(row.pinned);
+  EXPECT_EQ(row.build, world.scheduler.list_workers("", 1, world.now).at(0).last->build);
+  EXPECT_FALSE(world.scheduler.find("j1")->frames[0].row.pinned) << "nothing is leased before the pin is durable";
+}
+
 TEST(Scheduler, AJobCancelledWhileItsLastTaskCommitsEndsInOneFinalState) {
   for (const bool while_merging : {false, true}) {
     SchedulerWorld world;
