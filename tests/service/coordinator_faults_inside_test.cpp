@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -109,6 +110,43 @@ TEST(Coordinator, F03TheExtensionOfARunningJobSurvivesARestart) {
   EXPECT_EQ(world.work("w1"), 7);
   EXPECT_EQ(world.wait_until_ended(id).state(), v1::JOB_STATE_DONE);
   EXPECT_TRUE(image_of(world, id) == whole_frame(world, 12));
+}
+
+TEST(Coordinator, F24AnAlarmBesideAnExtensionIsAnEventOfItsOwn) {
+  const TemporaryFolder folder;
+  bool threads = true;
+  CoordinatorWorld world(folder.path, [&threads](CoordinatorOptions& options) { options.own_threads = threads; });
+  const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
+  EXPECT_EQ(world.work("w1"), 4);
+  EXPECT_EQ(world.wait_until_ended(id).state(), v1::JOB_STATE_DONE);
+  const FrameHeader pinned = rpc::from_wire(world.coordinator->frame(id, 0, false).frame().header());
+  world.stop();
+  threads = false;
+  world.start();
+  // Another result of a task that is settled: the alarm comes when the database is asked, which the extension does as well.
+  v1::SyncRequest request = world.sync_request("w2");
+  v1::ResultOffer* offer = request.add_offers();
+  offer->set_lease_id("L1-1");
+  offer->set_task_id(id + ".0.0");
+  offer->set_result_key(result_key(pinned, {0, 0, 16, 16}, {0, 8}));
+  offer->set_result_digest(std::string(64, 'e'));
+  offer->set_bytes(1);
+  std::optional<v1::SyncResponse> answer;
+  world.coordinator->sync(request, [&](const rpc::Outcome&, const v1::SyncResponse& response) { answer = response; });
+  EXPECT_EQ(world.coordinator->extend(id, 12, {}).settings().samples(), 12);
+  bool finished = false;
+  const v1::WatchJobResponse seen = world.coordinator->watch(id, 0, finished);
+  int alarms = 0, extensions = 0, number = 0;
+  for (const v1::JobEvent& event : seen.events()) {
+    EXPECT_EQ(event.number(), ++number);
+    alarms += event.kind() == v1::JOB_EVENT_KIND_DETERMINISM_ALARM;
+    extensions += event.kind() == v1::JOB_EVENT_KIND_EXTENDED;
+  }
+  EXPECT_EQ(alarms, 1);
+  EXPECT_EQ(extensions, 1);
+  world.coordinator->answer_overdue();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->verdicts(0).verdict(), v1::VERDICT_REFUSED);
 }
 
 TEST(Coordinator, F34AFrameOfABuildThatIsGoneStartsAgainWhenAsked) {
