@@ -20,10 +20,10 @@ BackupRecord Coordinator::back_up(const std::string& target) {
     ~Snapshot() { ::unlink(path.c_str()); }
   } const snapshot{blobs_.temporary("backup.sqlite")};
   store_->copy_to(snapshot.path);
-  options_.failpoint("backup-database-copied");
+  options_.failpoint("backup-database-copied");  // a back-up has a copy of the database beside it
   copy_durably(snapshot.path, folder.path() + "/woodcock.sqlite");
   take_blobs(options_.dir, folder.path(), record, [this] { return stopping(); });
-  options_.failpoint("backup-blobs-taken");
+  options_.failpoint("backup-blobs-taken");  // it has all blobs, and not its name
   finish_backup(folder, record);
   return record;
 }

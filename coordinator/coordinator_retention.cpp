@@ -42,7 +42,7 @@ bool Coordinator::take_out(const std::string& id) {
     if (scheduler_->find(id)) return false;
   }
   if (!store_->read([&](StoreSession& session) { return session.begin_delete(id); })) return false;
-  options_.failpoint("job-taken-out");
+  options_.failpoint("job-taken-out");  // a job's own row went, all that belongs to it is still there
   forget_stored();
   return true;
 }
@@ -78,7 +78,7 @@ void Coordinator::remove(const std::string& id, bool cancel) {
 void Coordinator::purge(const std::string& id) {
   for (bool gone = false; !gone && !stopping();) {
     gone = store_->read([&](StoreSession& session) { return session.delete_step(id, kRowsAStep); });
-    options_.failpoint("job-rows-deleted");
+    options_.failpoint("job-rows-deleted");  // some or all of its other rows went
   }
 }
 
@@ -120,7 +120,7 @@ size_t Coordinator::remove_unreferenced() {
     spdlog::error("clean-up skipped");
     return 0;
   }
-  options_.failpoint("marked");
+  options_.failpoint("marked");  // a clean-up knows what is referred to, and has removed nothing
   return blobs_.sweep(*referenced, mark, [](const std::string& warning) { spdlog::warn("clean-up: {}", warning); });
 }
 
