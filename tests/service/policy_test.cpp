@@ -104,6 +104,25 @@ TEST(Policy, ATaskThatFailedIsTriedAgainWhereItMayRunAndWaitsForNobodyElse) {
   EXPECT_EQ(world.scheduler.find("j1")->row.state, JobState::Assembling);
 }
 
+TEST(Policy, ASceneErrorOfTheOnlyWorkerThatMayRenderItCountsWhenItIsSaidTwice) {
+  SchedulerWorld world;
+  JobSpec spec = job_of("j1", [](JobPolicy& p) { p.demands.tags = {"big"}; });
+  spec.frames[0].header = test_header(32, 32);
+  world.scheduler.add_job(spec);
+  world.sync("plain");
+  ASSERT_EQ(world.sync("big", worker_report(world, "big", {"big"})).size(), 1u);
+  for (int time = 0; time < 2; ++time) {
+    EXPECT_NE(world.scheduler.find("j1")->row.state, JobState::Failed);
+    ASSERT_EQ(world.held["big"].size(), 1u) << "nobody else could have it";
+    const Grant grant = world.held["big"].begin()->second;
+    world.held["big"].clear();
+    WorkerReport failing = worker_report(world, "big", {"big"});
+    failing.failures.push_back({grant.lease_id, to_string(grant.task), grant.epoch, FailureCause::SceneError, "scene.pbrt:1:1", ""});
+    world.sync("big", failing);
+  }
+  EXPECT_EQ(world.scheduler.find("j1")->row.state, JobState::Failed);
+}
+
 TEST(Policy, NoCopyOfASlowTaskGoesToAWorkerThatMayNotHaveIt) {
   SchedulerWorld world;
   JobSpec spec = job_of("j1", [](JobPolicy& p) {
