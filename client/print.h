@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "rpc/printable.h"
+#include "rpc/standard_output.h"
 
 namespace woodcock {
 
@@ -41,10 +42,15 @@ void print_to(std::FILE* stream, fmt::format_string<decltype(shown(std::declval<
   fmt::print(stream, format, shown(values)...);
 }
 
-/// To standard output, which holds results. What cannot be written there is found when the program ends.
+/// To standard output, which holds results. What cannot be written there is found now, throwing std::runtime_error, or when the program
+/// ends.
 template <typename... Values>
 void say(fmt::format_string<decltype(shown(std::declval<const Values&>()))...> format, const Values&... values) {
-  print_to<Values...>(stdout, format, values...);
+  try {
+    print_to<Values...>(stdout, format, values...);
+  } catch (const std::system_error& error) {
+    rpc::fail_to_write_output(error.code().value());
+  }
 }
 
 /// To standard error, which holds warnings and progress. Whether anyone reads them changes nothing.

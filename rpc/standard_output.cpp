@@ -9,13 +9,17 @@
 
 namespace woodcock::rpc {
 
+void fail_to_write_output(int error) {
+  const std::string why = error != 0 ? std::string(": ") + std::strerror(error) : "";
+  throw std::runtime_error("standard output cannot be written" + why + "; a part of what it should hold is lost");
+}
+
 void flush_standard_output() {
   std::cout.flush();
   errno = 0;
   const bool lost = std::fflush(stdout) != 0;
   if (!lost && std::ferror(stdout) == 0) return;
-  const std::string why = lost && errno != 0 ? std::string(": ") + std::strerror(errno) : "";
-  throw std::runtime_error("standard output cannot be written" + why + "; a part of what it should hold is lost");
+  fail_to_write_output(lost ? errno : 0);
 }
 
 int exit_code_with_output(int code, const char* program) {

@@ -3,6 +3,9 @@
 
 namespace woodcock::rpc {
 
+/// Throws std::runtime_error that says so, and why where `error` (errno) is not 0.
+[[noreturn]] void fail_to_write_output(int error);
+
 /// Writes what is buffered. Throws std::runtime_error with the reason where standard output has lost anything.
 void flush_standard_output();
 

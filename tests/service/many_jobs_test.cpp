@@ -1,4 +1,6 @@
 // F33 and F35 on real processes: two hundred tiny jobs, and a client that is written from the contract alone.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
@@ -61,7 +63,7 @@ TEST_F(ManyJobs, F33_TwoHundredTinyJobsCostLittleBeyondTheirRendering) {
   const auto begin = std::chrono::steady_clock::now();
   for (int i = 1; i <= kJobs; ++i) {
     v1::SubmitJobRequest request = first.resolved();
-    request.set_request_id("tiny-" + std::to_string(i));
+    request.set_request_id(fmt::format("tiny-{}", i));
     request.mutable_settings()->set_seed(static_cast<uint64_t>(i));
     request.mutable_frames(0)->mutable_header()->set_seed(static_cast<uint64_t>(i));
     v1::SubmitJobResponse response;
@@ -138,7 +140,7 @@ TEST_F(ManyJobs, F35_AHandedInSceneIsTheJobThatTheClientWouldSubmit) {
 TEST_F(ManyJobs, F35_ASceneThatCannotBeReadIsRefusedWithItsPlace) {
   start_coordinator();
   const auto refusal = [&](const std::function<void(v1::SubmitSceneRequest&)>& change) {
-    v1::SubmitSceneRequest request = handed_in("r" + std::to_string(::rand()), 1);
+    v1::SubmitSceneRequest request = handed_in(fmt::format("r{}", ::rand()), 1);
     change(request);
     v1::SubmitSceneResponse response;
     const grpc::Status status = submit_scene(request, response);
