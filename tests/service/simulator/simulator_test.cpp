@@ -14,7 +14,7 @@
 namespace woodcock::simulator {
 namespace {
 
-constexpr int kSchedules = 60;
+constexpr int kSchedules = 25;
 
 /// Plays the schedules of these seeds. What they were made of is returned, summed.
 Outcome play(Profile profile, int schedules, uint64_t first = 1) {
