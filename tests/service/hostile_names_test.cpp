@@ -148,6 +148,8 @@ TEST_F(F36, F36_OutputToAFullDeviceIsAFailureOfEveryCommand) {
   start_worker();
   const std::string job = submit(tiny_);
   ASSERT_EQ(watch(job), 0);
+  const std::string old = submit(tiny_);
+  ASSERT_EQ(watch(old), 0);
   ASSERT_EQ(woodcock({"render", cornell_, "--spp", "2", "--resolution", "16x16", "-o", path("a.exr")}).code, 0);
   const std::map<std::string, std::vector<std::string>> commands{
       {"render", {cornell_, "--spp", "2", "--resolution", "16x16", "-o", path("b.exr")}},
@@ -162,6 +164,8 @@ TEST_F(F36, F36_OutputToAFullDeviceIsAFailureOfEveryCommand) {
       {"watch", {job}},
       {"fetch", {job, "-o", path("f.exr")}},
       {"cancel", {job}},
+      {"delete", {old}},
+      {"retain", {"--dry-run"}},
       {"pause", {job, "--help"}},
       {"resume", {job, "--help"}},
       {"repin", {job, "--help"}},
