@@ -92,7 +92,7 @@ void add_delete_command(CLI::App& app, int& code) {
 void add_retain_command(CLI::App& app, int& code) {
   struct Options {
     ServiceOptions service;
-    std::string keep_jobs, keep_bytes;
+    std::optional<std::string> keep_jobs, keep_bytes;
     bool dry_run = false, json = false;
   };
   auto options = std::make_shared<Options>();
@@ -111,8 +111,8 @@ void add_retain_command(CLI::App& app, int& code) {
     v1::RetainJobsRequest request;
     request.set_dry_run(options->dry_run);
     try {
-      if (!options->keep_jobs.empty()) request.set_keep_seconds(rpc::parse_seconds("--keep-jobs", options->keep_jobs));
-      if (!options->keep_bytes.empty()) request.set_keep_bytes(rpc::parse_bytes("--keep-bytes", options->keep_bytes));
+      if (options->keep_jobs) request.set_keep_seconds(rpc::parse_seconds("--keep-jobs", *options->keep_jobs));
+      if (options->keep_bytes) request.set_keep_bytes(rpc::parse_bytes("--keep-bytes", *options->keep_bytes));
     } catch (const std::invalid_argument& error) {
       throw CLI::ValidationError(error.what());
     }

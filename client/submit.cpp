@@ -32,7 +32,8 @@ struct SubmitOptions {
   ServiceOptions service;
   FrameSettings settings;
   TargetOptions target;
-  std::string scene, output, frames, name;
+  std::string scene, output, name;
+  std::optional<std::string> frames;
   int priority = 0, tile = 0;
   v1::JobPolicy policy;
   bool watch = false, json = false;
@@ -42,9 +43,9 @@ struct SubmitOptions {
 
 /// Those of --frames; frame 0 without. Throws CLI::ValidationError.
 std::vector<uint64_t> frames_of(const SubmitOptions& options) {
-  if (options.frames.empty()) return {0};
+  if (!options.frames) return {0};
   try {
-    FrameList list = parse_frame_list(options.frames);
+    FrameList list = parse_frame_list(*options.frames);
     if (!list.repeated.empty())
       note("note: --frames names these more than once, and they are rendered once: {}\n", describe_frames(list.repeated));
     return std::move(list.frames);
@@ -56,7 +57,7 @@ std::vector<uint64_t> frames_of(const SubmitOptions& options) {
 /// The quote of the job's first frame.
 QuoteRun quote_run(const SubmitOptions& options, uint64_t first) {
   QuoteRun run = options.quote_run;
-  run.scene = options.frames.empty() ? options.scene : with_frame_number(options.scene, first);
+  run.scene = !options.frames ? options.scene : with_frame_number(options.scene, first);
   run.settings = options.settings;
   run.settings.frame = first;
   run.error = options.target.error;
@@ -74,7 +75,7 @@ Submission prepare(const SubmitOptions& options, const std::vector<uint64_t>& fr
   for (const uint64_t number : frames) {
     FrameSettings settings = options.settings;
     settings.frame = number;
-    add_frame(options.frames.empty() ? options.scene : with_frame_number(options.scene, number), settings, options.tile, submission);
+    add_frame(!options.frames ? options.scene : with_frame_number(options.scene, number), settings, options.tile, submission);
   }
   if (options.target.adaptive()) {
     const SamplingTarget target = sampling_target(options.target);

@@ -125,11 +125,15 @@ BackupRecord backup_record_from_json(const std::string& text) {
   }
 }
 
-NewFolder::NewFolder(const std::string& target) : target_(fs::path(target).lexically_normal().string()) {
+NewFolder::NewFolder(const std::string& target, const std::string& source) : target_(fs::path(target).lexically_normal().string()) {
   while (target_.size() > 1 && target_.back() == '/') target_.pop_back();
+  if (target.empty()) throw std::runtime_error("expected the name of a folder to make, found none");
   struct stat status {};
   if (::lstat(target_.c_str(), &status) == 0)
     throw std::runtime_error(target_ + " is there already: give a name that is not, or move it away");
+  const fs::path inside = fs::weakly_canonical(fs::absolute(target_)).lexically_relative(fs::weakly_canonical(fs::absolute(source)));
+  if (!inside.empty() && *inside.begin() != "..")
+    throw std::runtime_error(target_ + " lies in " + source + ", which it is made of: give a folder outside");
   path_ = target_ + ".unfinished-XXXXXX";
   if (!::mkdtemp(path_.data())) fail("making a folder in " + parent_of(target_), errno);
 }
@@ -201,7 +205,7 @@ BackupRecord back_up_stopped(const std::string& dir, const std::string& target, 
   if (lock.fd < 0) fail("opening " + dir + "/lock", errno);
   if (::flock(lock.fd, LOCK_EX | LOCK_NB) != 0)
     throw std::runtime_error("a coordinator runs on " + dir + " and does not answer at its file `control`; try again, or stop it");
-  NewFolder folder(target);
+  NewFolder folder(target, dir);
   BackupRecord record;
   record.unix_ms = unix_ms;
   // Rolls back what a crash left half done.
@@ -218,7 +222,7 @@ BackupRecord restore_backup(const std::string& backup, const std::string& dir) {
   std::ifstream in(backup + kRecord);
   if (!in) throw std::runtime_error(backup + " is no complete back-up: its file backup.json is missing");
   const BackupRecord record = backup_record_from_json({std::istreambuf_iterator<char>(in), {}});
-  NewFolder folder(dir);
+  NewFolder folder(dir, backup);
   // A copy: the coordinator writes to it.
   copy_durably(backup + kDatabase, folder.path() + kDatabase);
   if (const std::string verdict = check_database(folder.path() + kDatabase); verdict != "ok")

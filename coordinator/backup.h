@@ -24,8 +24,9 @@ BackupRecord backup_record_from_json(const std::string& text);
 /// A folder that is being filled. It goes again where it is not finished.
 class NewFolder {
  public:
-  /// Throws std::runtime_error when there is something of this name, or the folder around it cannot be written.
-  explicit NewFolder(const std::string& target);
+  /// Throws std::runtime_error when there is something of this name, it lies in `source`, the folder that it is made of, or the folder
+  /// around it cannot be written.
+  NewFolder(const std::string& target, const std::string& source);
   ~NewFolder();
   NewFolder(const NewFolder&) = delete;
   NewFolder& operator=(const NewFolder&) = delete;

@@ -9,7 +9,7 @@ namespace woodcock::coordinator {
 BackupRecord Coordinator::back_up(const std::string& target) {
   // No blob goes meanwhile: what the copy of the database refers to is there when it is taken.
   const std::lock_guard no_clean_up(housekeeping_);
-  NewFolder folder(target);
+  NewFolder folder(target, options_.dir);
   BackupRecord record;
   record.cluster_id = store_->cluster_id();
   record.leader_term = store_->term();

@@ -177,7 +177,8 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 1 << 30))
       ->capture_default_str();
   app.add_option("--pin", pin_seconds, "Seconds for which unused files are kept")->check(CLI::Range(1, 1 << 30))->capture_default_str();
-  std::string keep_jobs, keep_bytes, forget_workers = "24h";
+  std::optional<std::string> keep_jobs, keep_bytes;
+  std::string forget_workers = "24h";
   app.add_option(
       "--keep-jobs", keep_jobs,
       "How long jobs that have ended are kept, e.g. 90d, 12h; without it until somebody deletes them. `woodcock retain --dry-run` "
@@ -207,8 +208,8 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
     if (!test_hook.empty()) options.failpoint = kill_at(test_hook);
-    if (!keep_jobs.empty()) options.retention.keep_seconds = rpc::parse_seconds("--keep-jobs", keep_jobs);
-    if (!keep_bytes.empty()) options.retention.keep_bytes = rpc::parse_bytes("--keep-bytes", keep_bytes);
+    if (keep_jobs) options.retention.keep_seconds = rpc::parse_seconds("--keep-jobs", *keep_jobs);
+    if (keep_bytes) options.retention.keep_bytes = rpc::parse_bytes("--keep-bytes", *keep_bytes);
     const int64_t forget_seconds = std::min<int64_t>(rpc::parse_seconds("--forget-workers", forget_workers), 100LL * 365 * 86400);
     // Shorter than a worker is waited for it would be forgotten while it is connected.
     if (forget_seconds < 120) throw std::invalid_argument("--forget-workers: expected 2min or more, found \"" + forget_workers + "\"");

@@ -128,11 +128,17 @@ TEST(Backup, NothingIsEverOverwritten) {
   for (const std::string& name : {taken, file, link})
     EXPECT_THAT(failure([&] { restore_backup(target.path + "/good", name); }), HasSubstr("is there already")) << name;
   EXPECT_TRUE(fs::is_empty(taken));
+  // Inside what it is made of it would be emptied with it, or be part of it.
+  fs::create_symlink(folder.path, target.path + "/round");
+  for (const std::string& name : {folder.path + "/inside", folder.path + "/temporary/x", target.path + "/round/x"})
+    EXPECT_THAT(failure([&] { world.coordinator->back_up(name); }), HasSubstr("give a folder outside")) << name;
+  EXPECT_THAT(failure([&] { restore_backup(target.path + "/good", target.path + "/good/sub"); }), HasSubstr("give a folder outside"));
+  EXPECT_THAT(failure([&] { world.coordinator->back_up(""); }), HasSubstr("expected the name"));
   EXPECT_THAT(failure([&] { world.coordinator->back_up(target.path + "/no/such/parent"); }), HasSubstr("making a folder in"));
   // Nothing half done is left.
   for (const auto& entry : fs::directory_iterator(target.path)) EXPECT_EQ(entry.path().string().find("unfinished"), std::string::npos);
   {
-    NewFolder late(target.path + "/late");
+    NewFolder late(target.path + "/late", folder.path);
     fs::create_directory(target.path + "/late");
     EXPECT_THAT(failure([&] { late.finish(); }), HasSubstr("giving the folder its name"));
   }

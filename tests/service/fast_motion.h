@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "tests/service/retention_world.h"
+#include "tests/support/temporary_folder.h"
 
 namespace woodcock::coordinator {
 
@@ -33,28 +34,10 @@ inline int64_t resident_bytes() {
   return resident * ::sysconf(_SC_PAGESIZE);
 }
 
-/// A folder in memory, where there is one: rows and files count here, not the disk.
-struct MemoryFolder {
-  MemoryFolder() {
-    const std::string memory = "/dev/shm";
-    std::string pattern = std::filesystem::is_directory(memory) ? memory : std::filesystem::temp_directory_path().string();
-    pattern += "/woodcock-test-XXXXXX";
-    if (!::mkdtemp(pattern.data())) throw std::runtime_error("mkdtemp");
-    path = pattern;
-  }
-  ~MemoryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path, ignored);
-  }
-  MemoryFolder(const MemoryFolder&) = delete;
-  MemoryFolder& operator=(const MemoryFolder&) = delete;
-  std::string path;
-};
-
 /// Jobs of two tasks each in batches; a batch and its clean-up are a quarter of a day, and jobs are kept for `keep_days`.
 inline FastMotion fast_motion(int jobs, int batch, int keep_days) {
-  const MemoryFolder folder;
-  RetentionWorld world(folder.path, [&](CoordinatorOptions& options) {
+  const testing::MemoryFolder folder;
+  RetentionWorld world(folder.path().string(), [&](CoordinatorOptions& options) {
     options.retention.keep_seconds = int64_t{keep_days} * 86400;
     options.merges_at_once = 2;
     // An image of its own for each job, without the time of a merge.
@@ -109,7 +92,7 @@ inline FastMotion fast_motion(int jobs, int batch, int keep_days) {
     world.coordinator->clean_up();
     const int before = done;
     done += batch;
-    const auto database = [&] { return static_cast<int64_t>(std::filesystem::file_size(folder.path + "/woodcock.sqlite")); };
+    const auto database = [&] { return static_cast<int64_t>(std::filesystem::file_size(folder.path() / "woodcock.sqlite")); };
     if (before < early && done >= early) {
       motion.memory_early = resident_bytes();
       motion.database_early = database();

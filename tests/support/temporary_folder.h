@@ -31,4 +31,18 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
+/// A folder in memory, where the system has one: nothing of the test needs a disk.
+class MemoryFolder {
+ public:
+  const std::filesystem::path& path() const { return folder_.path(); }
+
+ private:
+  static std::filesystem::path parent() {
+    std::error_code error;
+    const std::filesystem::path memory = "/dev/shm";
+    return std::filesystem::is_directory(memory, error) ? memory : std::filesystem::temp_directory_path();
+  }
+  const TemporaryFolder folder_{parent()};
+};
+
 }  // namespace woodcock::testing

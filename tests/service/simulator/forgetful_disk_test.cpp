@@ -10,7 +10,7 @@
 #include <string>
 
 #include "tests/service/simulator/forgetful_disk.h"
-#include "tests/service/simulator/memory_folder.h"
+#include "tests/support/temporary_folder.h"
 
 namespace woodcock::simulator {
 namespace {
@@ -25,7 +25,7 @@ void sync(const std::filesystem::path& path) {
 }
 
 TEST(ForgetfulDisk, KeepsWhatWasSyncedAndSomeOfTheRestWhenThePowerGoes) {
-  const MemoryFolder memory;
+  const testing::MemoryFolder memory;
   ForgetfulDisk disk(memory.path());
   const std::filesystem::path folder = memory.path() / "disk";
   disk.lay_out({{{"old", "old"}}, {}}, folder);
@@ -67,7 +67,7 @@ TEST(ForgetfulDisk, KeepsWhatWasSyncedAndSomeOfTheRestWhenThePowerGoes) {
 }
 
 TEST(ForgetfulDisk, KeepsAllThatWasWrittenWhenAProcessIsKilled) {
-  const MemoryFolder memory;
+  const testing::MemoryFolder memory;
   ForgetfulDisk disk(memory.path());
   const std::filesystem::path folder = memory.path() / "disk";
   disk.lay_out({{{"old", "old"}}, {"a"}}, folder);

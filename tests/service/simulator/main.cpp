@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "tests/service/simulator/memory_folder.h"
 #include "tests/service/simulator/simulation.h"
+#include "tests/support/temporary_folder.h"
 
 namespace woodcock::simulator {
 namespace {
@@ -66,7 +66,7 @@ int main(int argc, char** argv) {
   app.add_option("--first", first, "Seed of the first schedule")->capture_default_str();
   app.add_option("--schedules", schedules, "How many")->check(CLI::Range(int64_t{1}, int64_t{1} << 40))->capture_default_str();
   CLI11_PARSE(app, argc, argv);
-  const MemoryFolder folder;
+  const testing::MemoryFolder folder;
   if (seed) {
     const Outcome outcome = simulate(profile_named(name).value_or(Profile::kEverything), *seed, folder.path(), &std::cout);
     std::cout << (outcome.violation ? "violation: " + *outcome.violation : "no violation") << std::endl;

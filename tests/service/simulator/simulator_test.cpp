@@ -8,8 +8,8 @@
 #include <string>
 
 #include "coordinator/failpoint.h"
-#include "tests/service/simulator/memory_folder.h"
 #include "tests/service/simulator/simulation.h"
+#include "tests/support/temporary_folder.h"
 
 namespace woodcock::simulator {
 namespace {
@@ -18,7 +18,7 @@ constexpr int kSchedules = 25;
 
 /// Plays the schedules of these seeds. What they were made of is returned, summed.
 Outcome play(Profile profile, int schedules, uint64_t first = 1) {
-  const MemoryFolder folder;
+  const testing::MemoryFolder folder;
   Outcome sum;
   for (uint64_t seed = first; seed < first + static_cast<uint64_t>(schedules); ++seed) {
     const Outcome outcome = simulate(profile, seed, folder.path());
@@ -59,7 +59,7 @@ TEST(Simulator, F17_an_outdated_leader_changes_nothing) {
 TEST(Simulator, EveryFaultAtOnceLosesNothingAndEndsEveryJob) { play(Profile::kEverything, 2 * kSchedules); }
 
 TEST(Simulator, EveryFailpointEndsTheCoordinatorInSomeSchedule) {
-  const MemoryFolder folder;
+  const testing::MemoryFolder folder;
   std::set<std::string> missing(coordinator::failpoints().begin(), coordinator::failpoints().end());
   // No schedule deletes or copies anything.
   for (const char* point : {"job-taken-out", "job-rows-deleted", "marked", "backup-database-copied", "backup-blobs-taken"})
@@ -72,7 +72,7 @@ TEST(Simulator, EveryFailpointEndsTheCoordinatorInSomeSchedule) {
 }
 
 TEST(Simulator, ASeedIsPlayedTheSameEachTime) {
-  const MemoryFolder folder;
+  const testing::MemoryFolder folder;
   for (const uint64_t seed : {1, 2, 3, 4, 5, 6, 7, 8}) {
     std::ostringstream first, second;
     simulate(Profile::kEverything, seed, folder.path(), &first);
