@@ -66,7 +66,7 @@ int main(int argc, char** argv) {
   app.add_option("--first", first, "Seed of the first schedule")->capture_default_str();
   app.add_option("--schedules", schedules, "How many")->check(CLI::Range(int64_t{1}, int64_t{1} << 40))->capture_default_str();
   CLI11_PARSE(app, argc, argv);
-  const testing::MemoryFolder folder;
+  const woodcock::testing::MemoryFolder folder;
   if (seed) {
     const Outcome outcome = simulate(profile_named(name).value_or(Profile::kEverything), *seed, folder.path(), &std::cout);
     std::cout << (outcome.violation ? "violation: " + *outcome.violation : "no violation") << std::endl;
