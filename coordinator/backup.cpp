@@ -20,6 +20,9 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "coordinator/blob_store.h"
+#include "rpc/file_descriptor.h"
+
 namespace woodcock::coordinator {
 namespace fs = std::filesystem;
 namespace {
@@ -30,17 +33,9 @@ constexpr const char* kRecord = "/backup.json";
 
 [[noreturn]] void fail(const std::string& what, int error) { throw std::runtime_error(what + ": " + std::strerror(error)); }
 
-/// Closes with the scope.
-struct Descriptor {
-  int fd = -1;
-  ~Descriptor() {
-    if (fd >= 0) ::close(fd);
-  }
-};
-
 void sync_folder(const std::string& path) {
-  const Descriptor folder{::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
-  if (folder.fd < 0 || ::fsync(folder.fd) != 0) fail("fsync of " + path, errno);
+  const rpc::FileDescriptor folder{::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
+  if (folder.get() < 0 || ::fsync(folder.get()) != 0) fail("fsync of " + path, errno);
 }
 
 std::string parent_of(const std::string& path) {
@@ -48,21 +43,17 @@ std::string parent_of(const std::string& path) {
   return parent.empty() ? "." : parent.string();
 }
 
-bool is_hexadecimal(const std::string& name, size_t length) {
-  return name.size() == length && name.find_first_not_of("0123456789abcdef") == std::string::npos;
-}
-
 enum class Copied { Yes, Unreadable };
 
 /// Throws where the copy cannot be written.
 Copied copy_bytes(const std::string& from, const std::string& to) {
-  const Descriptor in{::open(from.c_str(), O_RDONLY | O_CLOEXEC)};
-  if (in.fd < 0) return Copied::Unreadable;
-  const Descriptor out{::open(to.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644)};
-  if (out.fd < 0) fail("making " + to, errno);
+  const rpc::FileDescriptor in{::open(from.c_str(), O_RDONLY | O_CLOEXEC)};
+  if (in.get() < 0) return Copied::Unreadable;
+  const rpc::FileDescriptor out{::open(to.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644)};
+  if (out.get() < 0) fail("making " + to, errno);
   std::string buffer(1 << 20, '\0');
   for (;;) {
-    const ssize_t n = ::read(in.fd, buffer.data(), buffer.size());
+    const ssize_t n = ::read(in.get(), buffer.data(), buffer.size());
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) {
       ::unlink(to.c_str());
@@ -70,13 +61,13 @@ Copied copy_bytes(const std::string& from, const std::string& to) {
     }
     if (n == 0) break;
     for (ssize_t done = 0; done < n;) {
-      const ssize_t written = ::write(out.fd, buffer.data() + done, static_cast<size_t>(n - done));
+      const ssize_t written = ::write(out.get(), buffer.data() + done, static_cast<size_t>(n - done));
       if (written < 0 && errno == EINTR) continue;
       if (written < 0) fail("writing " + to, errno);
       done += written;
     }
   }
-  if (::fsync(out.fd) != 0) fail("fsync of " + to, errno);
+  if (::fsync(out.get()) != 0) fail("fsync of " + to, errno);
   return Copied::Yes;
 }
 
@@ -193,17 +184,17 @@ void take_blobs(const std::string& from, const std::string& to, BackupRecord& re
 void finish_backup(NewFolder& folder, const BackupRecord& record) {
   const std::string path = folder.path() + kRecord;
   const std::string text = to_json(record) + "\n";
-  const Descriptor file{::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644)};
-  if (file.fd < 0 || ::write(file.fd, text.data(), text.size()) != static_cast<ssize_t>(text.size()) || ::fsync(file.fd) != 0)
+  const rpc::FileDescriptor file{::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644)};
+  if (file.get() < 0 || ::write(file.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size()) || ::fsync(file.get()) != 0)
     fail("writing " + path, errno);
   folder.finish();
 }
 
 BackupRecord back_up_stopped(const std::string& dir, const std::string& target, int64_t unix_ms) {
   if (!fs::exists(dir + kDatabase)) throw std::runtime_error("there is no coordinator's database in " + dir + ": expected woodcock.sqlite");
-  const Descriptor lock{::open((dir + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)};
-  if (lock.fd < 0) fail("opening " + dir + "/lock", errno);
-  if (::flock(lock.fd, LOCK_EX | LOCK_NB) != 0)
+  const rpc::FileDescriptor lock{::open((dir + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644)};
+  if (lock.get() < 0) fail("opening " + dir + "/lock", errno);
+  if (::flock(lock.get(), LOCK_EX | LOCK_NB) != 0)
     throw std::runtime_error("a coordinator runs on " + dir + " and does not answer at its file `control`; try again, or stop it");
   NewFolder folder(target, dir);
   BackupRecord record;

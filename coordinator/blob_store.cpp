@@ -311,11 +311,11 @@ std::vector<fs::path> names_in(const fs::path& folder, const std::function<void(
   return paths;
 }
 
+}  // namespace
+
 bool is_hexadecimal(const std::string& name, size_t length) {
   return name.size() == length && name.find_first_not_of("0123456789abcdef") == std::string::npos;
 }
-
-}  // namespace
 
 BlobStore::Mark BlobStore::begin_mark(Time now) {
   const std::lock_guard lock(mutex_);

@@ -39,6 +39,9 @@ struct BlobStoreOptions {
   Failpoint failpoint = [](const char*) {};
 };
 
+/// Whether it is so many hexadecimal digits, as the names of blobs (64) and of their folders (2) are.
+bool is_hexadecimal(const std::string& name, size_t length);
+
 /// Safe to call from any thread. A blob that contains() names is complete, verified and durable.
 class BlobStore {
  public:

@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "rpc/failure.h"
+#include "rpc/file_descriptor.h"
 
 namespace woodcock::coordinator {
 namespace {
@@ -26,13 +27,6 @@ constexpr size_t kMaxLine = 64 << 10;
 constexpr time_t kRequestSeconds = 10;
 
 [[noreturn]] void fail(const std::string& what, int error) { throw std::runtime_error(what + ": " + std::strerror(error)); }
-
-struct Descriptor {
-  int fd = -1;
-  ~Descriptor() {
-    if (fd >= 0) ::close(fd);
-  }
-};
 
 /// A socket's address has room for 107 bytes: the folder is named by its descriptor.
 sockaddr_un address_in(int folder) {
@@ -72,18 +66,18 @@ std::string receive_line(int fd) {
 }  // namespace
 
 ControlSocket::ControlSocket(const std::string& dir, BackUp back_up) : path_(dir + "/control"), back_up_(std::move(back_up)) {
-  const Descriptor folder{::open(dir.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC)};
-  if (folder.fd < 0) fail("opening " + dir, errno);
-  Descriptor listen{::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)};
-  if (listen.fd < 0) fail("making a socket", errno);
+  const rpc::FileDescriptor folder{::open(dir.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC)};
+  if (folder.get() < 0) fail("opening " + dir, errno);
+  rpc::FileDescriptor listen{::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)};
+  if (listen.get() < 0) fail("making a socket", errno);
   ::unlink(path_.c_str());
-  const sockaddr_un address = address_in(folder.fd);
+  const sockaddr_un address = address_in(folder.get());
   // The file gets the socket's mode: for its owner alone.
-  if (::fchmod(listen.fd, 0600) != 0 || ::bind(listen.fd, generic(address), sizeof address) != 0 || ::listen(listen.fd, 8) != 0)
+  if (::fchmod(listen.get(), 0600) != 0 || ::bind(listen.get(), generic(address), sizeof address) != 0 || ::listen(listen.get(), 8) != 0)
     fail("making the socket " + path_, errno);
   stop_ = ::eventfd(0, EFD_CLOEXEC);
   if (stop_ < 0) fail("making an event", errno);
-  listen_ = std::exchange(listen.fd, -1);
+  listen_ = listen.release();
   thread_ = std::thread([this] { run(); });
 }
 
@@ -101,9 +95,10 @@ void ControlSocket::run() {
     if (::poll(wait, 2, -1) < 0 && errno != EINTR) return;
     if (wait[1].revents != 0) return;
     if (wait[0].revents == 0) continue;
-    const Descriptor connection{::accept4(listen_, nullptr, nullptr, SOCK_CLOEXEC)};
-    if (connection.fd < 0) continue;
-    if (const auto error = rpc::failure_of([&] { serve(connection.fd); })) spdlog::warn("a caller at {} was not served: {}", path_, *error);
+    const rpc::FileDescriptor connection{::accept4(listen_, nullptr, nullptr, SOCK_CLOEXEC)};
+    if (connection.get() < 0) continue;
+    if (const auto error = rpc::failure_of([&] { serve(connection.get()); }))
+      spdlog::warn("a caller at {} was not served: {}", path_, *error);
   }
 }
 
@@ -127,20 +122,20 @@ void ControlSocket::serve(int connection) const {
 }
 
 std::optional<BackupRecord> ask_for_backup(const std::string& dir, const std::string& target) {
-  const Descriptor folder{::open(dir.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC)};
-  if (folder.fd < 0) fail("the folder " + dir + " cannot be opened", errno);
-  const Descriptor socket{::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)};
-  if (socket.fd < 0) fail("making a socket", errno);
-  const sockaddr_un address = address_in(folder.fd);
-  if (::connect(socket.fd, generic(address), sizeof address) != 0) {
+  const rpc::FileDescriptor folder{::open(dir.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC)};
+  if (folder.get() < 0) fail("the folder " + dir + " cannot be opened", errno);
+  const rpc::FileDescriptor socket{::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0)};
+  if (socket.get() < 0) fail("making a socket", errno);
+  const sockaddr_un address = address_in(folder.get());
+  if (::connect(socket.get(), generic(address), sizeof address) != 0) {
     if (errno == ENOENT || errno == ECONNREFUSED || errno == ENOTSOCK) return std::nullopt;
     fail("the socket " + dir + "/control", errno);
   }
-  send_line(socket.fd, nlohmann::json{{"backup", target}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+  send_line(socket.get(), nlohmann::json{{"backup", target}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
   std::string line;
   try {
     // However long it takes: it ends with the coordinator.
-    line = receive_line(socket.fd);
+    line = receive_line(socket.get());
   } catch (const std::exception& error) {
     throw std::runtime_error(std::string("the coordinator ended before the back-up was complete: ") + error.what());
   }

@@ -78,7 +78,7 @@ ChildProcess::ChildProcess(const std::string& program, const std::vector<std::st
   int pipe_ends[2];
   if (::pipe2(pipe_ends, O_CLOEXEC) != 0)
     throw std::system_error(errno, std::generic_category(), "cannot make a pipe for the render child");
-  FileDescriptor read_end(pipe_ends[0]), write_end(pipe_ends[1]);
+  rpc::FileDescriptor read_end(pipe_ends[0]), write_end(pipe_ends[1]);
   ::fcntl(read_end.get(), F_SETFL, O_NONBLOCK);
 
   // What `ps` shows: the program's own name, also where it is started by way of /proc.

@@ -73,7 +73,7 @@ class ChildProcess {
 
   pid_t pid_ = -1;
   MessageChannel channel_;
-  FileDescriptor output_;  // read end of the child's stdout and stderr, non-blocking
+  rpc::FileDescriptor output_;  // read end of the child's stdout and stderr, non-blocking
 };
 
 }  // namespace woodcock

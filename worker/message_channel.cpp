@@ -14,7 +14,7 @@ std::pair<MessageChannel, MessageChannel> MessageChannel::make_pair() {
   int ends[2];
   if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0)
     throw std::system_error(errno, std::generic_category(), "cannot make a socket pair for the render child");
-  return {MessageChannel(FileDescriptor(ends[0])), MessageChannel(FileDescriptor(ends[1]))};
+  return {MessageChannel(rpc::FileDescriptor(ends[0])), MessageChannel(rpc::FileDescriptor(ends[1]))};
 }
 
 bool MessageChannel::send(const nlohmann::json& message, std::chrono::milliseconds timeout) {

@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "worker/file_descriptor.h"
+#include "rpc/file_descriptor.h"
 
 namespace woodcock {
 
@@ -19,7 +19,7 @@ class MessageChannel {
   static constexpr size_t kMaxMessage = 64 * 1024;
 
   MessageChannel() = default;
-  explicit MessageChannel(FileDescriptor fd) : fd_(std::move(fd)) {}
+  explicit MessageChannel(rpc::FileDescriptor fd) : fd_(std::move(fd)) {}
   /// Two connected ends, both closed on exec.
   static std::pair<MessageChannel, MessageChannel> make_pair();
 
@@ -35,7 +35,7 @@ class MessageChannel {
   void close() { fd_.reset(); }
 
  private:
-  FileDescriptor fd_;
+  rpc::FileDescriptor fd_;
 };
 
 }  // namespace woodcock

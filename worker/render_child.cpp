@@ -37,7 +37,7 @@ void tie_to_parent(int parent_pid) {
 class RenderChild {
  public:
   RenderChild(const RenderChildOptions& options, TaskRenderer& renderer)
-      : renderer_(renderer), hook_(options.test_hook), channel_(FileDescriptor(options.channel_fd)) {}
+      : renderer_(renderer), hook_(options.test_hook), channel_(rpc::FileDescriptor(options.channel_fd)) {}
 
   int run() {
     report({{"type", "hello"}, {"render_build", renderer_.render_build()}, {"arithmetic_class", renderer_.arithmetic_class()}});

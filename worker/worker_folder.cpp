@@ -52,7 +52,7 @@ WorkerFolder::WorkerFolder(const fs::path& folder) : folder_(fs::absolute(folder
     throw std::runtime_error(fmt::format("cannot make the worker's folder {}: {}", folder_.string(), error.code().message()));
   }
   const std::string lock_path = folder_ / "lock";
-  lock_ = FileDescriptor(::open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  lock_ = rpc::FileDescriptor(::open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
   if (!lock_) throw std::runtime_error(fmt::format("cannot open {}: {}", lock_path, std::strerror(errno)));
   if (::flock(lock_.get(), LOCK_EX | LOCK_NB) != 0)
     throw std::runtime_error(fmt::format("another worker runs in {}: give each worker a folder of its own (--dir)", folder_.string()));

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include "worker/file_descriptor.h"
+#include "rpc/file_descriptor.h"
 
 namespace woodcock {
 
@@ -28,7 +28,7 @@ class WorkerFolder {
 
  private:
   std::filesystem::path folder_;
-  FileDescriptor lock_;
+  rpc::FileDescriptor lock_;
   std::string worker_id_;
   uint64_t incarnation_ = 0;
 };

@@ -43,6 +43,18 @@ inline void put_blob(BlobStore& blobs, const std::string& bytes) {
   ASSERT_TRUE(upload->finish(1));
 }
 
+/// Adds to a worker's call the offer of what it rendered for a lease. No cost.
+inline v1::ResultOffer& add_offer(v1::SyncRequest& request, const v1::LeaseGrant& grant, const std::string& tile) {
+  v1::ResultOffer& offer = *request.add_offers();
+  offer.set_lease_id(grant.lease_id());
+  offer.set_task_id(grant.task().task_id());
+  offer.set_epoch(grant.epoch());
+  offer.set_result_key(grant.task().result_key());
+  offer.set_result_digest(rpc::blob_digest(tile));
+  offer.set_bytes(static_cast<int64_t>(tile.size()));
+  return offer;
+}
+
 class CoordinatorWorld {
  public:
   explicit CoordinatorWorld(const std::string& dir, std::function<void(CoordinatorOptions&)> adjust = {})
@@ -148,15 +160,9 @@ class CoordinatorWorld {
         if (offered.empty()) {
           const std::string tile = tile_bytes(grant.task());
           put_blob(coordinator->blobs(), tile);
-          v1::ResultOffer* offer = request.add_offers();
-          offer->set_lease_id(id);
-          offer->set_task_id(grant.task().task_id());
-          offer->set_epoch(grant.epoch());
-          offer->set_result_key(grant.task().result_key());
-          offer->set_result_digest(rpc::blob_digest(tile));
-          offer->set_bytes(static_cast<int64_t>(tile.size()));
-          offer->mutable_cost()->set_cpu_ns(kTaskCpu);
-          offer->mutable_cost()->set_wall_ns(kTaskWall);
+          v1::ResultOffer& offer = add_offer(request, grant, tile);
+          offer.mutable_cost()->set_cpu_ns(kTaskCpu);
+          offer.mutable_cost()->set_wall_ns(kTaskWall);
           offered = id;
         } else {
           v1::LeaseReport* lease = request.add_leases();

@@ -64,15 +64,9 @@ inline FastMotion fast_motion(int jobs, int batch, int keep_days) {
       for (const auto& [id, grant] : held) {
         const std::string tile = "tile " + grant.task().result_key();
         world.upload(tile);
-        v1::ResultOffer* offer = request.add_offers();
-        offer->set_lease_id(id);
-        offer->set_task_id(grant.task().task_id());
-        offer->set_epoch(grant.epoch());
-        offer->set_result_key(grant.task().result_key());
-        offer->set_result_digest(rpc::blob_digest(tile));
-        offer->set_bytes(static_cast<int64_t>(tile.size()));
-        offer->mutable_cost()->set_cpu_ns(CoordinatorWorld::kTaskCpu + static_cast<int64_t>(++counter));
-        offer->mutable_cost()->set_wall_ns(CoordinatorWorld::kTaskWall);
+        v1::ResultOffer& offer = add_offer(request, grant, tile);
+        offer.mutable_cost()->set_cpu_ns(CoordinatorWorld::kTaskCpu + static_cast<int64_t>(++counter));
+        offer.mutable_cost()->set_wall_ns(CoordinatorWorld::kTaskWall);
       }
       const auto [outcome, response] = world.sync(request);
       if (!outcome.ok()) {

@@ -106,13 +106,7 @@ class Fleet {
       if (offering && request.offers().empty()) {
         const std::string tile = CoordinatorWorld::tile_bytes(grant.task());
         put_blob(world_.coordinator->blobs(), tile);
-        v1::ResultOffer* offer = request.add_offers();
-        offer->set_lease_id(id);
-        offer->set_task_id(grant.task().task_id());
-        offer->set_epoch(grant.epoch());
-        offer->set_result_key(grant.task().result_key());
-        offer->set_result_digest(rpc::blob_digest(tile));
-        offer->set_bytes(static_cast<int64_t>(tile.size()));
+        add_offer(request, grant, tile);
         continue;
       }
       v1::LeaseReport* lease = request.add_leases();

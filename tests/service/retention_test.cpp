@@ -264,13 +264,7 @@ void render_everything(RetentionWorld& world, const std::string& worker) {
     for (const auto& [id, grant] : held) {
       const std::string tile = CoordinatorWorld::tile_bytes(grant.task());
       world.upload(tile);
-      v1::ResultOffer* offer = request.add_offers();
-      offer->set_lease_id(id);
-      offer->set_task_id(grant.task().task_id());
-      offer->set_epoch(grant.epoch());
-      offer->set_result_key(grant.task().result_key());
-      offer->set_result_digest(rpc::blob_digest(tile));
-      offer->set_bytes(static_cast<int64_t>(tile.size()));
+      add_offer(request, grant, tile);
     }
     const auto [outcome, response] = world.sync(request);
     ASSERT_TRUE(outcome.ok()) << outcome.message;

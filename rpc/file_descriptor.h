@@ -5,7 +5,7 @@
 
 #include <utility>
 
-namespace woodcock {
+namespace woodcock::rpc {
 
 /// Closes its descriptor when it goes; -1 means none.
 class FileDescriptor {
@@ -21,6 +21,8 @@ class FileDescriptor {
 
   int get() const { return fd_; }
   explicit operator bool() const { return fd_ >= 0; }
+  /// The caller closes it from now on.
+  int release() { return std::exchange(fd_, -1); }
   void reset(int fd = -1) {
     if (fd_ >= 0) ::close(fd_);
     fd_ = fd;
@@ -30,4 +32,4 @@ class FileDescriptor {
   int fd_ = -1;
 };
 
-}  // namespace woodcock
+}  // namespace woodcock::rpc
