@@ -194,7 +194,7 @@ class CoordinatorWorld {
   }
 
   v1::Job wait_until_ended(const std::string& id) {
-    for (int i = 0; i < 400; ++i) {
+    for (int i = 0; i < 7500; ++i) {  // 150 s; of merges that a sanitizer slows down, some tests have hundreds
       const v1::Job job = coordinator->job(id);
       if (job.state() >= v1::JOB_STATE_DONE) return job;
       now += kSecond;
