@@ -14,7 +14,8 @@ function(woodcock_layer name)
 endfunction()
 
 # woodcock_test(name SOURCES a.cpp … LINKS target …): a GoogleTest program whose tests ctest lists one by one.
-# LABELS: "long" keeps it out of the default run. TIMEOUT in seconds, for each test (default 300).
+# LABELS: "long" keeps it out of the default run; its tests are called long.NAME, since ctest takes properties by name and would take
+# the short form of a test that has both out of the default run too. TIMEOUT in seconds, for each test (default 300).
 function(woodcock_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT;LABELS" "SOURCES;LINKS" ${ARGN})
   if(NOT ARG_TIMEOUT)
@@ -29,7 +30,7 @@ function(woodcock_test name)
   target_compile_definitions(${name} PRIVATE WOODCOCK_SOURCE_DIR="${CMAKE_SOURCE_DIR}" WOODCOCK_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   if(ARG_LABELS)
-    gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS ${ARG_LABELS})
+    gtest_discover_tests(${name} TEST_PREFIX "${ARG_LABELS}." DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS ${ARG_LABELS})
   else()
     gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT ${ARG_TIMEOUT})
   endif()

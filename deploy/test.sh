@@ -51,6 +51,10 @@ by_memory=$(($(awk '/MemAvailable/ {print $2}' /proc/meminfo) / 1500000))
 [ "$by_memory" -lt "$jobs" ] && jobs=$((by_memory > 0 ? by_memory : 1))
 cmake --build "build/$preset" -j "$jobs" || give_up "the build failed"
 
+# ctest takes properties by name: of two tests of one name each would get the labels and the time limit of the last.
+twice=$(ctest --test-dir "build/$preset" -N | sed -n 's/^ *Test *#[0-9]*: //p' | sort | uniq -d)
+[ -z "$twice" ] || give_up "more than one test is called: $twice"
+
 report="build/$preset/test-report.xml"
 rm -rf "$report" "build/$preset"/estimator-table*
 ctest --test-dir "build/$preset" -j 2 --output-on-failure --output-junit test-report.xml "${exclude[@]}"
