@@ -13,9 +13,7 @@
 #include "coordinator/task_grid.h"
 #include "tests/service/coordinator_world.h"
 #include "tests/service/scheduler_fixture.h"
-
-/// AddressSanitizer asks for this name. It keeps 256 MiB of freed memory back by default, which would count as growth here.
-extern "C" const char* __asan_default_options() { return "quarantine_size_mb=1"; }
+#include "tests/support/little_kept_back.h"
 
 namespace woodcock::coordinator {
 namespace {

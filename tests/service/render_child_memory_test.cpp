@@ -6,11 +6,9 @@
 #include <optional>
 #include <utility>
 
+#include "tests/support/little_kept_back.h"
 #include "tests/support/temporary_folder.h"
 #include "worker/frame_task_renderer.h"
-
-/// AddressSanitizer asks for this name. It keeps 256 MiB of freed memory back by default, which would count as growth here.
-extern "C" const char* __asan_default_options() { return "quarantine_size_mb=1"; }
 
 namespace woodcock {
 namespace {

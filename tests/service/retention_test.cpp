@@ -9,9 +9,7 @@
 #include "tests/service/fast_motion.h"
 #include "tests/service/retention_world.h"
 #include "tests/service/scheduler_fixture.h"
-
-/// AddressSanitizer asks for this name. It keeps 256 MiB of freed memory back by default, which would count as growth here.
-extern "C" const char* __asan_default_options() { return "quarantine_size_mb=1"; }
+#include "tests/support/little_kept_back.h"
 
 namespace woodcock::coordinator {
 namespace {
