@@ -4,6 +4,7 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -21,6 +22,7 @@ struct SelftestOptions {
   double seconds = 60;
   uint64_t seed = 1, first = 0;
   std::optional<uint64_t> count, only;
+  std::optional<selftest::Relation> relation;
   std::string folder = ".";
   bool furnaces = false, relations = false, coverage = false, json = false;
 };
@@ -87,7 +89,8 @@ int run(const SelftestOptions& options) {
   for (uint64_t i = 0; i < count && !interrupted; ++i) {
     const double elapsed = seconds_since(start);
     if (timed && elapsed >= options.seconds) break;
-    const selftest::Verdict verdict = selftest::judge(options.seed, first + i, drawn(options), {});
+    const selftest::Verdict verdict = options.relation ? selftest::judge(options.seed, first + i, *options.relation, {})
+                                                       : selftest::judge(options.seed, first + i, drawn(options), {});
     tally.add(verdict);
     if (verdict.failed) {
       const auto began = Clock::now();
@@ -132,15 +135,23 @@ void add_selftest_command(CLI::App& app, int& code) {
   command->add_option("--count", options->count, "How many scenes, in place of a time")->check(CLI::PositiveNumber);
   command->add_option("--first", options->first, "The number of the first scene")->capture_default_str();
   command->add_option("--case", options->only, "One scene by its number, as a failure names it");
+  std::map<std::string, selftest::Relation> relations;
+  for (int i = 0; i < selftest::kRelationCount; ++i) {
+    const auto relation = static_cast<selftest::Relation>(i);
+    relations.emplace(selftest::name_of(relation), relation);
+  }
+  auto* one_relation = command->add_option("--relation", options->relation, "Only scenes of one kind, as a failure names it")
+                           ->transform(CLI::CheckedTransformer(relations));
   command->add_flag("--furnaces", options->furnaces, "Only scenes in equilibrium, whose radiance is known");
-  command->add_flag("--relations", options->relations, "Only scenes that are compared with themselves, changed or rendered otherwise");
+  command->add_flag("--relations", options->relations, "Only scenes that are compared with themselves, changed or rendered otherwise")
+      ->excludes(one_relation);
   command->add_flag("--coverage", options->coverage, "Print how often each feature, and each pair of them, was covered");
   command->add_option("-o", options->folder, "Folder for the scenes of failures")->check(CLI::ExistingDirectory)->capture_default_str();
   command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
   command->footer(
       "Examples:\n"
       "  woodcock selftest --seconds 60\n"
-      "  woodcock selftest --seed 7 --case 1234     repeats what failed\n"
+      "  woodcock selftest --seed 7 --case 1234 --relation \"shrunk light\"     repeats what failed\n"
       "Exit codes: 0 all came out right, 1 a scene did not, or the test was interrupted. docs/selftest.md says what is compared.");
   command->callback([options, &code] { code = run(*options); });
 }

@@ -75,7 +75,10 @@ void Gathering::offer(const Query& query, int shape, uint32_t primitive, int ins
   Hit hit{exact->t, exact->uv, shape, primitive, instance};
   impl.keep_inside(hit, o, d);
   const ErrorBound error = impl.error_bound(hit, query.o, query.d);
-  if (std::abs(hit.t - at.hit.t) > reach(error)) return;
+  // A hit that was put back onto an edge lies beside the ray by as much as Embree misjudges; its plane tells the place. Of a plane that
+  // the ray grazes it is the other way round.
+  const double apart = std::min(std::abs(exact->t - plane_t), std::abs(hit.t - at.hit.t));
+  if (apart > reach(error)) return;
   if (count < found.size()) found[count] = {hit, error};
   ++count;
 }
@@ -84,6 +87,14 @@ size_t Geometry::coincident(const Ray& ray, const Hit& hit, std::span<Coincident
   Query query(*impl_, ray, kInf);
   Gathering gathering;
   gathering.at = {hit, impl_->error_bound(hit, query.o, query.d)};
+  gathering.plane_t = hit.t;
+  {
+    DVec3 o = query.o, d = query.d;
+    impl_->to_object(hit.instance, o, d);
+    // Patches and quadrics have up to two hits.
+    if (impl_->is_flat(hit.shape))
+      if (const auto plane = impl_->intersect_primitive(hit.shape, hit.primitive, o, d, query.skip, kInf)) gathering.plane_t = plane->t;
+  }
   gathering.found = found;
   gathering.count = 1;
   found[0] = gathering.at;

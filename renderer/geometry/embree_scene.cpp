@@ -96,7 +96,7 @@ RTCDevice embree_device() {
 RTCGeometry Geometry::Impl::make_geometry(int shape) {
   const Shape& s = shapes[shape];
   const auto* mesh = std::get_if<Mesh>(&s.geometry);
-  if (mesh != nullptr || parallelograms[shape]) {
+  if (is_embrees(shape)) {
     RTCGeometry g = mesh != nullptr ? new_geometry(RTC_GEOMETRY_TYPE_TRIANGLE, RTC_FORMAT_UINT3, mesh->positions, mesh->triangles)
                                     : new_quads(std::get<PatchMesh>(s.geometry));
     users[shape] = {this, shape};
@@ -132,7 +132,9 @@ RTCGeometry Geometry::Impl::make_geometry(int shape) {
   }
   RTCGeometry g = rtcNewGeometry(embree_device(), RTC_GEOMETRY_TYPE_USER);
   const auto* patches = std::get_if<PatchMesh>(&s.geometry);
-  rtcSetGeometryUserPrimitiveCount(g, patches != nullptr ? static_cast<unsigned>(patches->patches.size()) : 1);
+  rtcSetGeometryUserPrimitiveCount(g, static_cast<unsigned>(patches != nullptr ? patches->patches.size()
+                                                            : mesh != nullptr  ? mesh->triangles.size()
+                                                                               : 1));
   users[shape] = {this, shape};
   rtcSetGeometryUserData(g, &users[shape]);
   rtcSetGeometryBoundsFunction(
@@ -143,6 +145,8 @@ RTCGeometry Geometry::Impl::make_geometry(int shape) {
         Box3 box;
         if (const auto* m = std::get_if<PatchMesh>(&of.geometry)) {
           for (const uint32_t v : m->patches[args->primID]) box.add(Vec3(m->positions[v]));
+        } else if (const auto* triangles = std::get_if<Mesh>(&of.geometry)) {
+          for (const uint32_t v : triangles->triangles[args->primID]) box.add(Vec3(triangles->positions[v]));
         } else {
           box = bounds_of(of);
         }
@@ -212,13 +216,18 @@ Geometry::Geometry(std::vector<Shape> shapes, int top_level, std::vector<Object>
   impl_->users.resize(impl_->shapes.size());
   for (const Instance& i : impl_->instances) impl_->object_from_render.push_back(glm::inverse(i.render_from_object));
 
-  for (const Shape& shape : impl_->shapes) impl_->parallelograms.push_back(are_parallelograms(shape));
   for (const PlacedShape& placed : placed_shapes()) {
     if (placed.bounds.empty()) continue;
     impl_->bounds.add(placed.bounds.lower);
     impl_->bounds.add(placed.bounds.upper);
   }
   if (const Box3& box = impl_->bounds; !box.empty()) impl_->largest = max_component(glm::max(-box.lower, box.upper));
+  for (const Shape& shape : impl_->shapes) {
+    const Box3 box = bounds_of(shape);
+    const bool small = shape.emits && !box.empty() && max_component(box.extent()) < kSmallLamp * impl_->largest;
+    impl_->in_double.push_back(small);
+    impl_->parallelograms.push_back(!small && are_parallelograms(shape));
+  }
   if (starts == Starts::kAnywhere) impl_->lead = 0x1p-12 * impl_->largest;
 
   for (const Object& object : impl_->objects) {

@@ -25,6 +25,10 @@ inline constexpr double kCoincidence = 4;
 /// Embree misjudges by how much a ray misses an edge by less than this part of the distance: some units in the last place.
 inline constexpr double kEmbreeError = 0x1p-20;
 
+/// A lamp no wider than this part of the scene is met in double: Embree's rays and vertices, in float, are off by some 2⁻²³ of the scene,
+/// and light that passes by the edges of a near wall by a thousandth of its width counts where the wall is all that keeps it in.
+inline constexpr double kSmallLamp = 0x1p-12;
+
 /// Half a unit in the last place of each coordinate of a float, and a little.
 inline DVec3 float_rounding_error(DVec3 p) { return glm::abs(p) * 0x1.1p-24; }
 
@@ -37,7 +41,8 @@ struct Geometry::Impl {
   std::vector<RTCScene> object_scenes;
   RTCScene scene = nullptr;
   Box3 bounds;                       ///< of everything, in render space
-  std::vector<char> parallelograms;  ///< per shape: patches, all of them parallelograms
+  std::vector<char> in_double;       ///< per shape: a small lamp, of which Embree gets the boxes only
+  std::vector<char> parallelograms;  ///< per shape: patches, all of them parallelograms, and Embree's
   double largest = 0;                ///< absolute coordinate of the bounds
   double lead = 0;                   ///< Embree's rays start this far before ours
 
@@ -68,13 +73,15 @@ struct Geometry::Impl {
     d = transform_vector(object_from_render[instance], d);
   }
 
-  /// The exact hit, o and d in the space of the shape. Triangles and parallelograms are taken to be hit and are not clipped to
-  /// t_min < t < t_max; of patches and quadrics it is the nearest hit there.
+  /// The exact hit, o and d in the space of the shape. Triangles and parallelograms that Embree met are taken to be hit and are not
+  /// clipped to t_min < t < t_max; of all else it is the nearest hit there.
   std::optional<PrimitiveHit> intersect_primitive(int shape, uint32_t primitive, DVec3 o, DVec3 d, double t_min, double t_max) const {
     const auto& geometry = shapes[shape].geometry;
     if (const auto* mesh = std::get_if<Mesh>(&geometry)) {
       const auto& t = mesh->triangles[primitive];
-      return intersect_triangle_plane(mesh->positions[t[0]], mesh->positions[t[1]], mesh->positions[t[2]], o, d);
+      const DVec3 p0 = mesh->positions[t[0]], p1 = mesh->positions[t[1]], p2 = mesh->positions[t[2]];
+      if (in_double[static_cast<size_t>(shape)] != 0) return intersect_triangle(p0, p1, p2, o, d, t_min, t_max);
+      return intersect_triangle_plane(p0, p1, p2, o, d);
     }
     if (const auto* patches = std::get_if<PatchMesh>(&geometry); patches != nullptr && parallelograms[shape]) {
       const auto& p = patches->patches[primitive];
@@ -124,6 +131,11 @@ struct Geometry::Impl {
   /// Whether something of the target lies before the sampled point, o and d in the space of the shape.
   bool hides_itself(TargetPrimitive target, DVec3 o, DVec3 d, double skip) const;
 
+  /// Whether Embree itself finds the primitives of a shape; else it gets their boxes.
+  bool is_embrees(int shape) const {
+    const auto i = static_cast<size_t>(shape);
+    return std::holds_alternative<Mesh>(shapes[i].geometry) ? in_double[i] == 0 : parallelograms[i] != 0;
+  }
   RTCGeometry make_geometry(int shape);
   RTCScene make_scene(int first, int count);
 };
@@ -176,7 +188,8 @@ inline RTCRay embree_ray(const Query& query, double t0, double t1) {
 /// The search of Geometry::coincident.
 struct Gathering {
   CoincidentHit at;
-  double t0, t1;  ///< nothing outside of it can coincide
+  double plane_t;  ///< where the ray meets the plane of `at`, which may be beside the primitive
+  double t0, t1;   ///< nothing outside of it can coincide
   std::span<CoincidentHit> found;
   size_t count = 0;  ///< of all, those that found no room included
 

@@ -4,6 +4,23 @@
 #include <cmath>
 
 namespace woodcock {
+namespace {
+
+/// Neighbours compute their common edge each in its own way. Where both find the ray beyond it by a rounding it must not
+/// slip through; where both take it, it meets the surface all the same.
+constexpr double kSlack = 0x1p-40;
+
+}  // namespace
+
+std::optional<PrimitiveHit> intersect_triangle(DVec3 p0, DVec3 p1, DVec3 p2, DVec3 o, DVec3 d, double t_min, double t_max) {
+  auto hit = intersect_triangle_plane(p0, p1, p2, o, d);
+  if (!hit || !(hit->t > t_min && hit->t < t_max)) return std::nullopt;
+  const DVec2 uv = hit->uv;
+  if (!(uv.x >= -kSlack && uv.y >= -kSlack && uv.x + uv.y <= 1 + kSlack)) return std::nullopt;
+  hit->uv.x = std::clamp(uv.x, 0.0, 1.0);
+  hit->uv.y = std::clamp(uv.y, 0.0, 1.0 - hit->uv.x);
+  return hit;
+}
 
 std::optional<PrimitiveHit> intersect_patch(const PatchCorners& p, DVec3 o, DVec3 d, double t_min, double t_max) {
   // The line v ↦ P(u, v) meets the ray where a·u² + b·u + c = 0.
@@ -26,9 +43,6 @@ std::optional<PrimitiveHit> intersect_patch(const PatchCorners& p, DVec3 o, DVec
   double extent = 0;
   for (const DVec3& corner : p) extent = std::max(extent, glm::dot(corner - o, corner - o));
   const double rounding = 0x1p-46 * std::sqrt(extent / glm::dot(d, d));
-  // Neighbours compute their common edge each in its own way. Where both find the ray beyond it by a rounding it must not
-  // slip through; where both take it, it meets the surface all the same.
-  constexpr double kSlack = 0x1p-40;
   std::optional<PrimitiveHit> nearest;
   for (double u : roots) {
     if (!(u >= -kSlack && u <= 1 + kSlack)) continue;

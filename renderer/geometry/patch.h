@@ -25,6 +25,9 @@ inline std::optional<PrimitiveHit> intersect_triangle_plane(DVec3 p0, DVec3 p1, 
   return PrimitiveHit{glm::dot(e2, q) / det, {glm::dot(s, p) / det, glm::dot(d, q) / det}};
 }
 
+/// The hit of the triangle itself with t in (t_min, t_max).
+std::optional<PrimitiveHit> intersect_triangle(DVec3 p0, DVec3 p1, DVec3 p2, DVec3 o, DVec3 d, double t_min, double t_max);
+
 /// The corners of a bilinear patch in the order (u,v) = 00, 10, 01, 11.
 using PatchCorners = std::array<DVec3, 4>;
 

@@ -45,6 +45,8 @@ struct Shape {
   std::variant<Mesh, PatchMesh, Quadric> geometry;
   /// ReverseOrientation xor a transform that swaps handedness, as in pbrt-v4.
   bool flip = false;
+  /// An area light. One that is small in its scene is met in double, so that its own near walls hide what lies behind them.
+  bool emits = false;
 };
 
 }  // namespace woodcock

@@ -27,10 +27,22 @@ Verdict judge(const Case& c, uint64_t seed, const Effort& effort) {
   return verdict;
 }
 
-Verdict judge(uint64_t seed, uint64_t index, Draw what, const Effort& effort) {
-  Verdict verdict = judge(random_case(seed, index, what), hash_combine(seed, ~index), effort);
+namespace {
+
+Verdict judge_numbered(const Case& c, uint64_t seed, uint64_t index, const Effort& effort) {
+  Verdict verdict = judge(c, hash_combine(seed, ~index), effort);
   verdict.index = index;
   return verdict;
+}
+
+}  // namespace
+
+Verdict judge(uint64_t seed, uint64_t index, Draw what, const Effort& effort) {
+  return judge_numbered(random_case(seed, index, what), seed, index, effort);
+}
+
+Verdict judge(uint64_t seed, uint64_t index, Relation relation, const Effort& effort) {
+  return judge_numbered(random_case(seed, index, relation), seed, index, effort);
 }
 
 std::string report(const Verdict& verdict, const Case& shrunk, uint64_t seed) {
@@ -43,7 +55,9 @@ std::string report(const Verdict& verdict, const Case& shrunk, uint64_t seed) {
     const Comparison& c = worst(finding.comparisons);
     text += fmt::format("  {}: off by {:.6g} ± {:.2g} of the mean, {:.1f} standard deviations\n", c.what, c.mean, c.error, std::abs(c.z));
   }
-  text += fmt::format("  again: woodcock selftest --seed {} --case {} {}\n", seed, verdict.index, furnace ? "--furnaces" : "--relations");
+  // The relation is named, since which one a number has depends on what was drawn.
+  text += fmt::format("  again: woodcock selftest --seed {} --case {} --relation \"{}\"\n", seed, verdict.index,
+                      name_of(verdict.examined.relation));
   if (furnace) {
     text += fmt::format("  the smallest scene found; woodcock render{} should make every pixel {:.6g}:\n", shrunk.rendering.options(),
                         furnace_value(shrunk.scene));

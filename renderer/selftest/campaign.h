@@ -27,6 +27,8 @@ struct Verdict {
 
 /// Examines case `index` of campaign `seed`.
 Verdict judge(uint64_t seed, uint64_t index, Draw what, const Effort& effort);
+/// The same of the cases of one relation.
+Verdict judge(uint64_t seed, uint64_t index, Relation relation, const Effort& effort);
 /// Examines a case; `seed` is that of its random numbers.
 Verdict judge(const Case& c, uint64_t seed, const Effort& effort);
 

@@ -83,6 +83,7 @@ Shape compile_shape(const ShapeDescription& shape, const DMat4& target_from_worl
   const DMat4 target_from_object = target_from_world * shape.world_from_object;
   Shape result;
   result.geometry = std::visit(Compiler{shape, target_from_object, dropped}, shape.kind);
+  result.emits = shape.area_light.has_value();
   result.flip = shape.reverse_orientation != swaps_handedness(target_from_object);
   return result;
 }

@@ -45,6 +45,29 @@ TEST(Selftest, AnotherSeedHasOtherScenes) {
   EXPECT_NE(samples("1"), samples("2"));
 }
 
+TEST(Selftest, ACaseIsTheSameWhateverItWasDrawnFrom) {
+  // A failure names the relation of its case; this repeats it.
+  const auto case_of = [](std::vector<std::string> options) {
+    options.insert(options.begin(), {kWoodcock, "selftest", "--seed", "6", "--case", "4", "--json", "--coverage"});
+    const CommandResult result = run_command(options);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    auto object = nlohmann::json::parse(result.out);
+    object.erase("seconds");
+    return object;
+  };
+  const auto drawn = case_of({"--relations"});
+  int same = 0;
+  for (const char* relation :
+       {"rendered otherwise", "full kernel", "split in parts", "scaled by two", "scaled", "moved", "mirrored", "permuted", "reordered",
+        "boundary", "constant grid", "sum of halves", "lights halved", "two-sided", "shrunk light", "far camera", "far body", "visibility"})
+    same += case_of({"--relation", relation}) == drawn ? 1 : 0;
+  EXPECT_EQ(same, 1);
+  EXPECT_EQ(case_of({"--furnaces"}), case_of({"--relation", "furnace"}));
+  const CommandResult unknown = run_command({kWoodcock, "selftest", "--relation", "upside down"});
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_THAT(unknown.err, ::testing::HasSubstr("shrunk light"));
+}
+
 TEST(Selftest, RefusesWhatMakesNoSense) {
   EXPECT_EQ(run_command({kWoodcock, "selftest", "--seconds", "-1"}).exit_code, 2);
   EXPECT_EQ(run_command({kWoodcock, "selftest", "--count", "0"}).exit_code, 2);

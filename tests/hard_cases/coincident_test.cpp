@@ -151,7 +151,8 @@ void expect_transmittance(const CompiledScene& scene, const std::vector<Box>& bo
     if (in_plane) least = std::exp(-1.9 * 3.5), most = 1;
     const bool right = found > least - kOffset && found < most + kOffset;
     if (right) continue;
-    // Of rays aimed at an edge Embree lets about one in a million through between both faces.
+    // The float arithmetic of Embree may take a ray through a vertex past all of its faces: of the 3000 aimed rays of four seeds four met
+    // that in some of the cuts.
     if (aimed && ++slipped == 1) continue;
     if (++wrong <= 3)
       ADD_FAILURE() << what

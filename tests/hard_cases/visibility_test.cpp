@@ -13,6 +13,13 @@ struct LightShape {
   bool encloses = false;  ///< its inside cannot be seen from outside
 };
 
+/// The corners of the cube from −0.8 to 0.8, x fastest.
+std::string cube_points() {
+  std::string points;
+  for (int i = 0; i < 8; ++i) points += fmt::format(" {} {} {}", (i & 1) != 0 ? .8 : -.8, (i & 2) != 0 ? .8 : -.8, (i & 4) != 0 ? .8 : -.8);
+  return points;
+}
+
 /// Shapes of a size of about one around the origin.
 std::vector<LightShape> light_shapes() {
   return {
@@ -29,6 +36,16 @@ std::vector<LightShape> light_shapes() {
       {"folded saddle", "Shape \"bilinearmesh\" \"point3 P\" [ -1 -1 1.6  1 -1 -1  -1 1 -1  .3 .2 1.6 ]\n"},
       {"steep saddle", "Rotate 70 1 0 0\nShape \"bilinearmesh\" \"point3 P\" [ -1 -1 1  1 -1 -1  -1 1 -1  1 1 1 ]\n"},
       {"flat quadrilateral", "Shape \"bilinearmesh\" \"point3 P\" [ -1 -1 0  1 -1 0  -.4 1 0  .7 .8 0 ]\n"},
+      {"cube of patches",
+       fmt::format("Rotate 33 1 2 3\nShape \"bilinearmesh\" \"point3 P\" [{} ] \"integer indices\" [ 0 2 1 3  4 5 6 7  0 1 4 5  2 6 3 7  "
+                   "0 4 2 6  1 3 5 7 ]\n",
+                   cube_points()),
+       true},
+      {"cube of triangles",
+       fmt::format("Rotate 33 1 2 3\nShape \"trianglemesh\" \"point3 P\" [{} ] \"integer indices\" [ 0 2 1 1 2 3  4 5 6 6 5 7  0 1 4 4 1 "
+                   "5  2 6 3 3 6 7  0 4 2 2 4 6  1 3 5 5 3 7 ]\n",
+                   cube_points()),
+       true},
       {"folded flat patch", "Shape \"bilinearmesh\" \"point3 P\" [ -1 -1 0  1 -1 0  -1 1 0  -.6 -.6 0 ]\n"},
   };
 }
@@ -69,7 +86,9 @@ TEST(HardCases, N73_the_hidden_inside_of_a_light_adds_nothing_and_a_light_that_s
       const Estimate outside = estimate(floor_scene(light, size, false, false), 20000, 1),
                      both = estimate(floor_scene(light, size, true, false), 20000, 2);
       expect_equal(outside, both, 0.03, light.name);
-      EXPECT_EQ(estimate(floor_scene(light, size, false, true), 2000, 3).mean[1], 0) << light.name;
+      // Embree's rays pass by the edges of the largest by up to 2⁻²³ of the distance, a ten-thousandth of its width.
+      const double inwards = estimate(floor_scene(light, size, false, true), 20000, 3).mean[1];
+      EXPECT_LE(inwards, size == kSizes[0] && light.name.starts_with("cube") ? 1e-3 * outside.mean[1] : 0) << light.name << ' ' << size;
     }
   }
 }
