@@ -93,9 +93,13 @@ TEST_F(ManyJobs, F33_TwoHundredTinyJobsCostLittleBeyondTheirRendering) {
   RecordProperty("coordinator_cpu_seconds", std::to_string(cpu));
   std::printf("%d jobs in %.1f s; coordinator and merges took %.2f s of processor time\n", kJobs, seconds, cpu);
   EXPECT_FALSE(servers.empty());
-  // How long it takes depends on who else uses the machine. Starting a process for each merge took 60 s of processor time;
-  // with a sanitizer it takes 18 s as it is.
-  EXPECT_LT(cpu, 30);
+  // How long it takes depends on who else uses the machine. Starting a process for each merge took 60 s of processor time.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  constexpr double kMost = 30;  // it takes 18 s as it is
+#else
+  constexpr double kMost = 15;
+#endif
+  EXPECT_LT(cpu, kMost);
   for (const int i : {0, 57, kJobs - 1}) {
     ASSERT_EQ(woodcock({"fetch", jobs[static_cast<size_t>(i)], "-o", path("tiny.exr")}).code, 0);
     EXPECT_TRUE(contents(path("tiny.exr")) == rendered({cornell_, "--spp", "4", "--resolution", "16x16", "--seed", std::to_string(i + 1)}))

@@ -90,7 +90,7 @@ TEST(AdaptiveLong, StoppingByTheErrorNeitherBiasesThePictureNorItsIntervals) {
   double samples = 0;
   for (int seed = 0; seed < kSeeds; ++seed) {
     const FrameRenderer frame = frame_of("cornell", kResolution, static_cast<uint64_t>(seed));
-    const BlockFrame blocks = adaptive(frame, 0.05);
+    const BlockFrame blocks = adaptive(frame, 0.03);
     write_blocks(folder / "a.exr", frame.header(), blocks);
     const ErrorEstimate error = estimate_error(nodes_path(folder / "a.exr"));
     means.push_back(mean_of(luminances(blocks)));
