@@ -4,20 +4,20 @@
 
 #include <algorithm>
 
+#include "renderer/core/angle.h"
 #include "renderer/core/vec.h"
 
 namespace woodcock {
 
-/// Uniform point on the unit disk (Shirley & Chiu 1997, concentric map).
+/// Uniform point on the unit disk (Shirley & Chiu 1997, concentric map). Which half of the square a point lies in is even chance, so
+/// that the two cases are told apart without a branch.
 inline Vec2 square_to_disk(Vec2 u) {
   const float x = 2 * u.x - 1, y = 2 * u.y - 1;
-  if (x == 0 && y == 0) return {0, 0};
-  if (std::abs(x) > std::abs(y)) {
-    const float phi = (kPi / 4) * (y / x);
-    return {x * std::cos(phi), x * std::sin(phi)};
-  }
-  const float phi = (kPi / 2) - (kPi / 4) * (x / y);
-  return {y * std::cos(phi), y * std::sin(phi)};
+  const bool flat = std::abs(x) > std::abs(y);
+  const float r = flat ? x : y, other = flat ? y : x;
+  if (r == 0) return {0, 0};
+  const Vec2 w = r * cos_sin_of_octant((kPi / 4) * (other / r));
+  return {flat ? w.x : w.y, flat ? w.y : w.x};
 }
 inline float square_to_disk_pdf() { return kInvPi; }
 

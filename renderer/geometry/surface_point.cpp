@@ -41,10 +41,12 @@ void patch_tangents(const std::array<Vec2, 4>& uv, double s, double t, DVec3& dp
   dpdv = (ds.x * dpdt - dt.x * dpds) / det;
 }
 
-/// How far off its plane a point of a triangle or parallelogram may seem to lie, in double arithmetic: `n_length` = |e1 × e2|.
-double plane_error(DVec3 p, DVec3 p0, DVec3 e1, DVec3 e2, double n_length) {
-  const double l1 = glm::length(e1), l2 = glm::length(e2);
-  return 0x1p-49 * (glm::length(p) + glm::length(p0) + (l1 + l2) * (l1 * l2 / n_length));
+/// How far off its plane a point of a triangle or parallelogram may seem to lie, in double arithmetic: `inverse` = 1/|e1 × e2|. Not `tight`:
+/// lengths are sums of absolute coordinates, which are no less and need no roots.
+double plane_error(DVec3 p, DVec3 p0, DVec3 e1, DVec3 e2, double inverse, bool tight) {
+  const auto length = [&](DVec3 v) { return tight ? glm::length(v) : std::abs(v.x) + std::abs(v.y) + std::abs(v.z); };
+  const double l1 = length(e1), l2 = length(e2);
+  return 0x1p-49 * (length(p) + length(p0) + (l1 + l2) * (l1 * l2 * inverse));
 }
 
 /// How far along `normal`, a unit vector behind the map, rounding may move a point that is taken through the map `m`.
@@ -62,14 +64,17 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray, Tangents tangents
   SurfacePoint s;
   DVec3 p, ng, ns{0};
   double error = 0;
+  // Where rays start on surfaces, errors in double are far below those that count.
+  const bool tight = impl_->lead > 0;
   if (const auto* mesh = std::get_if<Mesh>(&shape.geometry)) {
     const auto& t = mesh->triangles[hit.primitive];
     const DVec3 p0 = mesh->positions[t[0]], e1 = mesh->positions[t[1]] - p0, e2 = mesh->positions[t[2]] - p0;
     const double b1 = hit.uv.x, b2 = hit.uv.y, b0 = 1 - b1 - b2;
     p = p0 + b1 * e1 + b2 * e2;
     const DVec3 n = glm::cross(e1, e2);
-    ng = glm::normalize(n);
-    error = plane_error(p, p0, e1, e2, glm::length(n));
+    const double inverse = 1 / glm::length(n);
+    ng = n * inverse;
+    error = plane_error(p, p0, e1, e2, inverse, tight);
     if (shape.flip) ng = -ng;
     if (!mesh->normals.empty()) {
       ns = b0 * DVec3(mesh->normals[t[0]]) + b1 * DVec3(mesh->normals[t[1]]) + b2 * DVec3(mesh->normals[t[2]]);
@@ -88,7 +93,7 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray, Tangents tangents
     ng = glm::normalize(n);
     // What intersect_patch may be off by, with room.
     if (impl_->parallelograms[static_cast<size_t>(hit.shape)])
-      error = plane_error(p, c[0], c[1] - c[0], c[2] - c[0], glm::length(n));
+      error = plane_error(p, c[0], c[1] - c[0], c[2] - c[0], 1 / glm::length(n), tight);
     else
       error = 0x1p-42 * (glm::length(p) + glm::length(c[3] - c[0]) + glm::length(c[2] - c[1]));
     if (shape.flip) ng = -ng;
@@ -125,7 +130,7 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray, Tangents tangents
     }
     s.uv = Vec2(point.uv);
   }
-  if (!(glm::dot(ns, ns) > 0)) ns = ng;
+  const bool is_shaded = glm::dot(ns, ns) > 0;
   if (hit.instance >= 0) {
     const DMat4& m = impl_->instances[hit.instance].render_from_object;
     const DMat4& inverse = impl_->object_from_render[hit.instance];
@@ -133,7 +138,7 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray, Tangents tangents
     const DVec3 n = transform_normal(inverse, ng);
     error = (error + affine_error(inverse, p, ng)) / glm::length(n);
     ng = glm::normalize(n);
-    ns = transform_normal(inverse, ns);
+    if (is_shaded) ns = transform_normal(inverse, ns);
     if (with_tangents) {
       s.dpdu = Vec3(transform_vector(m, s.dpdu));
       s.dpdv = Vec3(transform_vector(m, s.dpdv));
@@ -146,7 +151,7 @@ SurfacePoint Geometry::surface(const Hit& hit, const Ray& ray, Tangents tangents
   const double in_float = 0x1.8p-24 * glm::dot(glm::abs(ng), glm::abs(p)) * (hit.instance < 0 ? 1.0 : 3.0);
   s.error = std::min(error, std::max(in_float, 0x1p-40 * impl_->largest));
   if (impl_->lead == 0) s.error = std::max(s.error, in_float);
-  s.ns = Vec3(glm::normalize(ns));
+  s.ns = is_shaded ? Vec3(glm::normalize(ns)) : s.ng;
   return s;
 }
 

@@ -52,6 +52,12 @@ class MeshEmitter {
     std::array<uint32_t, 2> primitive;  // equal where there is one
     std::array<uint8_t, 2> turn;
     int rectangle = -1;  // index in `rectangles_`
+    // Of two triangles: the corner of each that has the first weight, and its edges to the others.
+    struct Half {
+      DVec3 corner{0}, s{0}, t{0};
+    };
+    std::array<Half, 2> halves{};
+    DVec3 normal{0};  // of a rectangle, unit, on the side that the file means; zero where vertex normals have a say
   };
   struct Point;  // of a primitive
 

@@ -138,6 +138,13 @@ std::optional<Lights::Choice> Lights::choose(double u, DVec3 ref, ChooseBy by) c
   return Choice{light, pmf(light, ref, by)};
 }
 
+std::optional<Lights::Choice> Lights::only_choice(ChooseBy by) const {
+  for (int light = 0; light < size(); ++light)
+    if (by == ChooseBy::kArrival ? table_->selection.only() == light : table_->choice.probability(static_cast<size_t>(light)) == 1)
+      return Choice{light, 1};
+  return std::nullopt;
+}
+
 float Lights::pmf(int light, DVec3 ref, ChooseBy by) const {
   return static_cast<float>(by == ChooseBy::kArrival ? table_->selection.probability(light, ref)
                                                      : table_->choice.probability(static_cast<size_t>(light)));

@@ -73,6 +73,8 @@ class Lights {
   /// Chooses one light for the point `ref`. u in [0,1). Nothing where no light is worth a sample: black ones, skies of constant
   /// radiance, which scattering finds without noise of its own, and lights that shine away from the point.
   std::optional<Choice> choose(double u, DVec3 ref, ChooseBy by = ChooseBy::kArrival) const;
+  /// What `choose` gives for every point and every number; nothing where that depends on them.
+  std::optional<Choice> only_choice(ChooseBy by = ChooseBy::kArrival) const;
   /// The probability that `choose` gives this light for `ref`.
   float pmf(int light, DVec3 ref, ChooseBy by = ChooseBy::kArrival) const;
   /// Whether `choose` gives this light for some point.

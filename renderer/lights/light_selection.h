@@ -63,6 +63,8 @@ class LightSelection {
   };
   /// u in [0,1). Nothing where no light can arrive.
   std::optional<Choice> choose(double u, DVec3 p) const;
+  /// The light that `choose` gives wherever the point is; kNone where that depends on it.
+  int only() const { return only_; }
   /// The probability that `choose` gives this light at p; they sum to one wherever it gives any.
   double probability(int light, DVec3 p) const;
 

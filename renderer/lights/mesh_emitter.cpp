@@ -24,6 +24,7 @@ struct MeshEmitter::Point {
   DVec2 at{0};  // of a triangle: barycentric coordinates of its second and third corner; of a patch: (u,v)
   DVec3 p{0};
   DVec3 normal{0};  // of any length, on the primitive's own side
+  DVec3 ng{0};      // unit, on the side that the file means, where that is known before the vertex normals are; else zero
   double pdf = 0;   // per solid angle at the reference point, of the primitive or piece alone
 };
 
@@ -66,7 +67,13 @@ void MeshEmitter::find_pieces(const std::vector<double>& weights) {
     if (const auto rectangle = weight > 0 ? rectangle_from(piece) : std::nullopt) {
       piece.rectangle = static_cast<int>(rectangles_.size());
       rectangles_.push_back(*rectangle);
+      if (normals_.empty()) piece.normal = orient(rectangle->n, DVec3(0));
       if (piece.primitive[1] != i) {
+        for (size_t k = 0; k < 2; ++k) {
+          const std::array<DVec3, 3> c = triangle(piece.primitive[k]);
+          const size_t first = piece.turn[k];
+          piece.halves[k] = {c[first], c[(first + 1) % 3] - c[first], c[(first + 2) % 3] - c[first]};
+        }
         piece_of_.push_back(static_cast<uint32_t>(pieces_.size()));
         weight += weights[++i];
       }
@@ -204,34 +211,35 @@ bool MeshEmitter::sample_piece(const Piece& piece, DVec3 ref, DVec2 u, double u_
   }
   const auto found = sample_rectangle(rectangle, ref, u);
   if (!found) return false;
-  point = {piece.primitive[0], found->uv, DVec3(0), rectangle.n, found->pdf};
+  point = {piece.primitive[0], found->uv, DVec3(0), rectangle.n, piece.normal, found->pdf};
   if (!two) {
     point.p = patch_point(patch(point.primitive), point.at);
     return true;
   }
-  const int which = point.at.x + point.at.y < 1 ? 0 : 1;
+  const size_t which = point.at.x + point.at.y < 1 ? 0 : 1;
   const DVec2 along = which == 0 ? point.at : DVec2(1) - point.at;
-  std::array<double, 3> weight{};
-  const size_t turn = piece.turn[static_cast<size_t>(which)];
-  weight[turn] = 1 - along.x - along.y;
-  weight[(turn + 1) % 3] = along.x;
-  weight[(turn + 2) % 3] = along.y;
-  point.primitive = piece.primitive[static_cast<size_t>(which)];
-  point.at = {weight[1], weight[2]};
-  point.p = interpolate(triangle(point.primitive), point.at);
+  const Piece::Half& part = piece.halves[which];
+  const double rest = 1 - along.x - along.y;
+  point.primitive = piece.primitive[which];
+  // The weights of the second and third corner, while rest, along.x and along.y belong to the corners from `turn` on.
+  const uint8_t turn = piece.turn[which];
+  point.at = turn == 0 ? along : turn == 1 ? DVec2(rest, along.x) : DVec2(along.y, rest);
+  point.p = part.corner + along.x * part.s + along.y * part.t;
   return true;
 }
 
 std::optional<EmitterSample> MeshEmitter::sample(DVec3 ref, DVec2 u, double u_primitive, Pieces pieces) const {
   if (!(choice_.total() > 0)) return std::nullopt;
   const bool whole = pieces == Pieces::kRectangles && !pieces_.empty();
-  const auto choice = (whole ? piece_choice_ : choice_).sample(u_primitive);
+  const DiscreteDistribution& choices = whole ? piece_choice_ : choice_;
+  const bool is_only = choices.size() == 1;
+  const auto choice = is_only ? DiscreteDistribution::Sample{0, u_primitive} : choices.sample(u_primitive);
   Point point;
   const bool found = whole ? sample_piece(pieces_[choice.index], ref, u, choice.remainder, point)
                            : sample_primitive(choice.index, ref, u, choice.remainder, point);
   if (!found) return std::nullopt;
   EmitterSample sample;
-  sample.pdf = (whole ? piece_choice_ : choice_).probability(choice.index) * point.pdf;
+  sample.pdf = is_only ? point.pdf : choices.probability(choice.index) * point.pdf;
   sample.p = point.p;
   sample.primitive = point.primitive;
   const DVec3 to_light = sample.p - ref;
@@ -252,7 +260,7 @@ std::optional<EmitterSample> MeshEmitter::sample(DVec3 ref, DVec2 u, double u_pr
   };
   if (!normals_.empty()) shading = DVec3(blend(normals_));
   sample.uv = !uv_.empty() ? blend(uv_) : patches_.empty() ? Vec2(t.x + t.y, t.y) : t;
-  sample.ng = orient(point.normal, shading);
+  sample.ng = point.ng == DVec3(0) ? orient(point.normal, shading) : point.ng;
   return sample;
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numbers>
 
+#include "renderer/core/angle.h"
+
 namespace woodcock {
 namespace {
 
@@ -16,16 +18,20 @@ constexpr double kMaxTurn = 1e-3;
 /// The rectangle seen from the reference point, which is the origin: x and y range over it at the height z > 0.
 struct View {
   double x0, x1, y0, y1, z;
-  double solid_angle;  // positive where the rectangle is to be sampled by solid angle, else 0
+  double solid_angle = 0;       // positive where the rectangle is to be sampled by solid angle, else 0
+  double d00 = 0, d01 = 0;      // then: how far the corners (x0, y0) and (x0, y1) are away
 };
+
+DVec2 times(DVec2 a, DVec2 b) { return {a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x}; }
 
 /// The rectangle spans the solid angle of A(x1,y1) − A(x0,y1) − A(x1,y0) + A(x0,y0) with tan A(x,y) = xy / (z √(x² + y² + z²)); the angle
 /// of a product of complex numbers is the sum of theirs.
 double solid_angle_of(const View& v) {
-  const auto corner = [&](double x, double y) { return DVec2(v.z * std::sqrt(x * x + y * y + v.z * v.z), x * y); };
-  const auto times = [](DVec2 a, DVec2 b) { return DVec2(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x); };
-  const DVec2 plus = times(corner(v.x1, v.y1), corner(v.x0, v.y0)), minus = times(corner(v.x0, v.y1), corner(v.x1, v.y0));
-  const double angle = std::atan2(plus.y * minus.x - plus.x * minus.y, plus.x * minus.x + plus.y * minus.y);
+  const auto corner = [&](double x, double y, double d) { return DVec2(v.z * d, x * y); };
+  const double d10 = std::sqrt(v.x1 * v.x1 + v.y0 * v.y0 + v.z * v.z), d11 = std::sqrt(v.x1 * v.x1 + v.y1 * v.y1 + v.z * v.z);
+  const DVec2 plus = times(corner(v.x1, v.y1, d11), corner(v.x0, v.y0, v.d00)),
+              minus = times(corner(v.x0, v.y1, v.d01), corner(v.x1, v.y0, d10));
+  const double angle = angle_of(times(plus, {minus.x, -minus.y}));
   // All of it is less than a half space, so that a turn more is the only other value.
   return angle < 0 ? angle + 2 * std::numbers::pi : angle;
 }
@@ -38,9 +44,10 @@ View look(const Rectangle& r, DVec3 ref) {
   v.x1 = v.x0 + r.width;
   v.y1 = v.y0 + r.height;
   v.z = std::abs(glm::dot(to, r.n));
-  v.solid_angle = 0;
   const double farthest = std::max(v.x0 * v.x0, v.x1 * v.x1) + std::max(v.y0 * v.y0, v.y1 * v.y1) + v.z * v.z;
   if (r.width * r.width + r.height * r.height > kSmallDiagonal * kSmallDiagonal * farthest && v.z > 0) {
+    v.d00 = std::sqrt(v.x0 * v.x0 + v.y0 * v.y0 + v.z * v.z);
+    v.d01 = std::sqrt(v.x0 * v.x0 + v.y1 * v.y1 + v.z * v.z);
     const double solid_angle = solid_angle_of(v);
     if (solid_angle > kMinSolidAngle) v.solid_angle = solid_angle;
   }
@@ -52,20 +59,19 @@ double area_pdf(const Rectangle& r, const View& v, double distance2) {
   return distance2 * std::sqrt(distance2) / (v.z * r.width * r.height);
 }
 
-/// Ureña's map: (x, y) of a direction uniform over the spherical rectangle.
+/// Ureña's map: (x, y) of a direction uniform over the spherical rectangle. The part x0 ≤ x ≤ xu of the rectangle spans u.x · Ω.
+///
+/// With M = x0² + z², m = y0² + z² and the paper's b0 = −y0/√m, b1 = y1/√(y1² + z²), its angle φ is u.x · Ω less the angles of the spherical
+/// rectangle at (x0, y0) and (x0, y1), which are those of the complex numbers −x0 y0 + i z d00 and x0 y1 + i z d01, of the lengths √(M m) and
+/// √(M (y1² + z²)). Multiplied by both lengths the paper's (b0 cos φ − b1)/sin φ is −N/(√m S), and xu = −sign(N) z S √(m/(N² − z² S²)): one
+/// root and one quotient are left of all.
 DVec2 spherical_rectangle_point(const View& v, DVec2 u) {
-  // Cosines between the rectangle's plane and those through its sides, whose angles to each other are those of the corners.
-  const double b0 = -v.y0 / std::sqrt(v.y0 * v.y0 + v.z * v.z), b1 = v.y1 / std::sqrt(v.y1 * v.y1 + v.z * v.z),
-               c0 = -v.x0 / std::sqrt(v.x0 * v.x0 + v.z * v.z);
-  // The part x0 ≤ x ≤ xu of the rectangle spans u.x · Ω. The paper's angle is that less the angles of the corners (x0, y0) and (x0, y1).
-  const double cos00 = -b0 * c0, cos01 = -b1 * c0, sin00 = std::sqrt((1 - cos00) * (1 + cos00)),
-               sin01 = std::sqrt((1 - cos01) * (1 + cos01));
-  const double cos_sum = cos00 * cos01 - sin00 * sin01, sin_sum = sin00 * cos01 + cos00 * sin01;
-  const double part = u.x * v.solid_angle, cos_part = std::cos(part), sin_part = std::sin(part);
-  const double cos_angle = cos_part * cos_sum + sin_part * sin_sum, sin_angle = sin_part * cos_sum - cos_part * sin_sum;
-  const double f = (cos_angle * b0 - b1) / sin_angle;
-  const double c = std::copysign(1 / std::sqrt(f * f + b0 * b0), f);
-  const double x = std::abs(c) < 1 ? std::clamp(c * v.z / std::sqrt((1 - c) * (1 + c)), v.x0, v.x1) : c < 0 ? v.x0 : v.x1;
+  const DVec2 corners = times({-v.x0 * v.y0, v.z * v.d00}, {v.x0 * v.y1, v.z * v.d01});
+  const DVec2 turned = times(cos_sin(u.x * v.solid_angle), {corners.x, -corners.y});
+  const double m = v.y0 * v.y0 + v.z * v.z;
+  const double n = turned.x * v.y0 + (v.x0 * v.x0 + v.z * v.z) * m * v.y1, zs = v.z * turned.y;
+  const double rest = (n - zs) * (n + zs), side = n > 0 ? -zs : zs;
+  const double x = rest > 0 ? std::clamp(side * std::sqrt(m / rest), v.x0, v.x1) : side < 0 ? v.x0 : v.x1;
   const double d2 = x * x + v.z * v.z;
   const double h0 = v.y0 / std::sqrt(d2 + v.y0 * v.y0), h1 = v.y1 / std::sqrt(d2 + v.y1 * v.y1), h = h0 + u.y * (h1 - h0);
   const double y = h * h < 1 ? std::clamp(h * std::sqrt(d2 / ((1 - h) * (1 + h))), v.y0, v.y1) : h < 0 ? v.y0 : v.y1;

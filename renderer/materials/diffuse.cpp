@@ -1,32 +1,6 @@
 #include "renderer/materials/diffuse.h"
 
-#include "renderer/core/warp.h"
-
 namespace woodcock {
-
-namespace {
-
-/// Cosine-weighted direction with z of the sign of `side`.
-Vec3 cosine_direction(Vec2 u, float side) {
-  Vec3 w = square_to_cosine_hemisphere(u);
-  w.z = std::copysign(w.z, side);
-  return w;
-}
-
-}  // namespace
-
-Rgb eval(const DiffuseBsdf& b, Vec3 wo, Vec3 wi) { return same_hemisphere(wo, wi) ? b.reflectance * (kInvPi * abs_cos(wi)) : Rgb(0); }
-
-float pdf(const DiffuseBsdf&, Vec3 wo, Vec3 wi) { return same_hemisphere(wo, wi) ? kInvPi * abs_cos(wi) : 0; }
-
-std::optional<BsdfSample> sample(const DiffuseBsdf& b, Vec3 wo, Stream& direction) {
-  BsdfSample s;
-  s.wi = cosine_direction(direction.uniform2(), wo.z);
-  s.pdf = pdf(b, wo, s.wi);
-  if (!(s.pdf > 0)) return std::nullopt;  // on the horizon
-  s.weight = b.reflectance;
-  return s;
-}
 
 Rgb eval(const DiffuseTransmissionBsdf& b, Vec3 wo, Vec3 wi) {
   return (wo.z * wi.z > 0 ? b.reflectance : b.transmittance) * (kInvPi * abs_cos(wi));

@@ -159,14 +159,12 @@ Textures::Textures(const SceneDescription& scene, const DMat4& world_from_render
   for (const RgbTextureDescription& t : scene.rgb_textures) rgb_nodes_.push_back(compiler.node(t));
 }
 
-float Textures::eval(const FloatParameter& parameter, const TextureContext& at) const {
-  if (parameter.texture == kNone) return parameter.value;
-  return eval_node(*this, float_nodes_[static_cast<size_t>(parameter.texture)], at);
+float Textures::eval_node(const FloatParameter& parameter, const TextureContext& at) const {
+  return woodcock::eval_node(*this, float_nodes_[static_cast<size_t>(parameter.texture)], at);
 }
 
-Rgb Textures::eval(const RgbParameter& parameter, const TextureContext& at) const {
-  if (parameter.texture == kNone) return parameter.value;
-  return eval_node(*this, rgb_nodes_[static_cast<size_t>(parameter.texture)], at);
+Rgb Textures::eval_node(const RgbParameter& parameter, const TextureContext& at) const {
+  return woodcock::eval_node(*this, rgb_nodes_[static_cast<size_t>(parameter.texture)], at);
 }
 
 }  // namespace woodcock

@@ -53,8 +53,12 @@ class Textures {
   Textures(const SceneDescription& scene, const DMat4& world_from_render);
 
   /// Values are as the file says: not clamped to [0, 1], except that images are never negative.
-  float eval(const FloatParameter& parameter, const TextureContext& at) const;
-  Rgb eval(const RgbParameter& parameter, const TextureContext& at) const;
+  float eval(const FloatParameter& parameter, const TextureContext& at) const {
+    return parameter.texture == kNone ? parameter.value : eval_node(parameter, at);
+  }
+  Rgb eval(const RgbParameter& parameter, const TextureContext& at) const {
+    return parameter.texture == kNone ? parameter.value : eval_node(parameter, at);
+  }
 
   /// The range of `scale` times a parameter. Looks at every pixel of its images.
   TextureRange range(const FloatParameter& parameter, float scale = 1) const;
@@ -64,6 +68,9 @@ class Textures {
   std::vector<std::string> notes() const;
 
  private:
+  float eval_node(const FloatParameter& parameter, const TextureContext& at) const;
+  Rgb eval_node(const RgbParameter& parameter, const TextureContext& at) const;
+
   std::vector<TextureNode<FloatParameter>> float_nodes_;
   std::vector<TextureNode<RgbParameter>> rgb_nodes_;
 };

@@ -43,6 +43,7 @@ RenderPlan::RenderPlan(const World& world, const PathSettings& settings)
       kernel(kernel_for(effects, settings).run),
       transmittance(transmittance_options(settings)),
       choose_by(settings.features.has(Feature::kLightTree) ? ChooseBy::kArrival : ChooseBy::kPower),
+      only_light(world.lights.only_choice(choose_by)),
       emission_collisions(settings.features.has(Feature::kBricks) && settings.features.has(Feature::kEmissionCollisions)),
       towards_light(settings.plan && settings.features.has(Feature::kMis) && settings.features.has(Feature::kTowardsLight) &&
                     (effects & kVolumeScattering) != 0 && (effects & kVolumeEmission) == 0),

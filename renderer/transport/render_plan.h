@@ -18,6 +18,7 @@ struct RenderPlan {
   RadianceFunction kernel;             ///< the smallest one that has all of `effects`
   TransmittanceOptions transmittance;  ///< how transmittances are estimated
   ChooseBy choose_by;                  ///< what lights are chosen by
+  std::optional<Lights::Choice> only_light;  ///< that is ever sampled, where there is no choice
   bool emission_collisions;            ///< every ray has more collisions in bricks that emit much
   bool towards_light;                  ///< scatterings in media may send branches towards the light
   bool light_roulette;                 ///< light samples in media that bring little end before their shadow ray
