@@ -23,7 +23,9 @@ inline DVec2 cos_sin(double a) {
   const double sine =
       r * (1 + z * (-1.0 / 6 + z * (1.0 / 120 + z * (-1.0 / 5040 + z * (1.0 / 362880 + z * (-1.0 / 39916800 + z * (1.0 / 6227020800)))))));
   const double cosine =
-      1 + z * (-1.0 / 2 + z * (1.0 / 24 + z * (-1.0 / 720 + z * (1.0 / 40320 + z * (-1.0 / 3628800 + z * (1.0 / 479001600 + z * (-1.0 / 87178291200)))))));
+      1 +
+      z * (-1.0 / 2 +
+           z * (1.0 / 24 + z * (-1.0 / 720 + z * (1.0 / 40320 + z * (-1.0 / 3628800 + z * (1.0 / 479001600 + z * (-1.0 / 87178291200)))))));
   const int k = static_cast<int>(quarters);
   const double x = (k & 1) != 0 ? sine : cosine, y = (k & 1) != 0 ? cosine : sine;
   return {((k + 1) & 2) != 0 ? -x : x, (k & 2) != 0 ? -y : y};
@@ -40,7 +42,8 @@ inline double angle_of(DVec2 v) {
   if (!(more > 0)) return 0;
   const bool diagonal = less > (std::numbers::sqrt2 - 1) * more;
   const double t = (diagonal ? less - more : less) / (diagonal ? less + more : more), z = t * t, w = z * z;
-  const double even = 0.999999999999999 + w * (0.1999999997837687 + w * (0.11111048820585145 + w * (0.07673529098467827 + w * 0.05024634245596043)));
+  const double even =
+      0.999999999999999 + w * (0.1999999997837687 + w * (0.11111048820585145 + w * (0.07673529098467827 + w * 0.05024634245596043)));
   const double odd =
       -0.33333333333221343 + w * (-0.14285712660659053 + w * (-0.09089529357362555 + w * (-0.0650594415550331 + w * -0.02531472973194232)));
   double angle = t * (even + z * odd);

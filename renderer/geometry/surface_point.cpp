@@ -41,8 +41,8 @@ void patch_tangents(const std::array<Vec2, 4>& uv, double s, double t, DVec3& dp
   dpdv = (ds.x * dpdt - dt.x * dpds) / det;
 }
 
-/// How far off its plane a point of a triangle or parallelogram may seem to lie, in double arithmetic: `inverse` = 1/|e1 × e2|. Not `tight`:
-/// lengths are sums of absolute coordinates, which are no less and need no roots.
+/// How far off its plane a point of a triangle or parallelogram may seem to lie, in double arithmetic: `inverse` = 1/|e1 × e2|. Not
+/// `tight`: lengths are sums of absolute coordinates, which are no less and need no roots.
 double plane_error(DVec3 p, DVec3 p0, DVec3 e1, DVec3 e2, double inverse, bool tight) {
   const auto length = [&](DVec3 v) { return tight ? glm::length(v) : std::abs(v.x) + std::abs(v.y) + std::abs(v.z); };
   const double l1 = length(e1), l2 = length(e2);

@@ -18,8 +18,8 @@ constexpr double kMaxTurn = 1e-3;
 /// The rectangle seen from the reference point, which is the origin: x and y range over it at the height z > 0.
 struct View {
   double x0, x1, y0, y1, z;
-  double solid_angle = 0;       // positive where the rectangle is to be sampled by solid angle, else 0
-  double d00 = 0, d01 = 0;      // then: how far the corners (x0, y0) and (x0, y1) are away
+  double solid_angle = 0;   // positive where the rectangle is to be sampled by solid angle, else 0
+  double d00 = 0, d01 = 0;  // then: how far the corners (x0, y0) and (x0, y1) are away
 };
 
 DVec2 times(DVec2 a, DVec2 b) { return {a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x}; }
@@ -61,10 +61,10 @@ double area_pdf(const Rectangle& r, const View& v, double distance2) {
 
 /// Ureña's map: (x, y) of a direction uniform over the spherical rectangle. The part x0 ≤ x ≤ xu of the rectangle spans u.x · Ω.
 ///
-/// With M = x0² + z², m = y0² + z² and the paper's b0 = −y0/√m, b1 = y1/√(y1² + z²), its angle φ is u.x · Ω less the angles of the spherical
-/// rectangle at (x0, y0) and (x0, y1), which are those of the complex numbers −x0 y0 + i z d00 and x0 y1 + i z d01, of the lengths √(M m) and
-/// √(M (y1² + z²)). Multiplied by both lengths the paper's (b0 cos φ − b1)/sin φ is −N/(√m S), and xu = −sign(N) z S √(m/(N² − z² S²)): one
-/// root and one quotient are left of all.
+/// With M = x0² + z², m = y0² + z² and the paper's b0 = −y0/√m, b1 = y1/√(y1² + z²), its angle φ is u.x · Ω less the angles of the
+/// spherical rectangle at (x0, y0) and (x0, y1), which are those of the complex numbers −x0 y0 + i z d00 and x0 y1 + i z d01, of the
+/// lengths √(M m) and √(M (y1² + z²)). Multiplied by both lengths the paper's (b0 cos φ − b1)/sin φ is −N/(√m S), and xu = −sign(N) z S
+/// √(m/(N² − z² S²)): one root and one quotient are left of all.
 DVec2 spherical_rectangle_point(const View& v, DVec2 u) {
   const DVec2 corners = times({-v.x0 * v.y0, v.z * v.d00}, {v.x0 * v.y1, v.z * v.d01});
   const DVec2 turned = times(cos_sin(u.x * v.solid_angle), {corners.x, -corners.y});

@@ -8,10 +8,9 @@ namespace woodcock {
 template <uint32_t kMask>
 template <typename Evaluate>
 void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
-  const auto choice =
-      plan_.only_light
-          ? plan_.only_light
-          : world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform_double(), reference, plan_.choose_by);
+  const auto choice = plan_.only_light
+                          ? plan_.only_light
+                          : world_.lights.choose(stream(key_, vertex_, Purpose::kLightChoice).uniform_double(), reference, plan_.choose_by);
   if (!choice) return;
   const DielectricSphere* sphere = uses(kRefractedLight) ? world_.dielectric_around(reference) : nullptr;
   // Where nothing is inside, every light is outside.
