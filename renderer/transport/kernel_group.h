@@ -6,6 +6,7 @@
 #include "renderer/transport/path_kernel_light.h"
 #include "renderer/transport/path_kernel_media.h"
 #include "renderer/transport/path_kernel_refraction.h"
+#include "renderer/transport/path_kernel_surface.h"
 
 namespace woodcock {
 

@@ -2,9 +2,9 @@
 //
 //   L(x, ω) = ∫₀ᶻ T(s) [σa Le + σs ∫ f(ω, ω′) L(ω′) dω′] ds + T(z) L₀
 //
-// with L₀ from the rendering equation (Kajiya 1986) at surfaces. The loop itself is that of path_machine.h. This is what the estimator does
-// at surfaces; free flights through media are in path_kernel_media.h, light is in path_kernel_light.h and path_kernel_refraction.h.
-// kernel_group.h includes all of them.
+// with L₀ from the rendering equation (Kajiya 1986) at surfaces. The loop itself is that of path_machine.h. This is what the estimator
+// does: at surfaces in path_kernel_surface.h, in media in path_kernel_media.h and path_kernel_towards_light.h, with light in
+// path_kernel_light.h and path_kernel_refraction.h. kernel_group.h includes all of them.
 #pragma once
 
 #include <algorithm>
@@ -113,57 +113,16 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
 
   /// Inside a ball of glass that holds a homogeneous medium and nothing else the free flight is drawn first: where it ends inside, there
   /// is no hit to look for.
-  std::optional<Hit> find_hit() {
-    drawn_.reset();
-    no_hit_until_ = kInf;
-    if (uses(kRefractedLight) && uses(kHomogeneousMedia) && medium_ != kNone) {
-      const DielectricSphere* body = world_.dielectric_around(ray_.o);
-      if (body != nullptr && body->is_empty && draws_before_hit(world_.media[medium_])) {
-        drawn_ = draw_flight(world_.media[medium_].homogeneous(), is_chromatic(world_.media[medium_]));
-        if (body->holds(ray_.o) && body->holds(ray_.at(drawn_->t))) {
-          no_hit_until_ = std::nextafter(drawn_->t, static_cast<double>(kInf));
-          return std::nullopt;
-        }
-      }
-    }
-    return Base::find_hit();
-  }
+  std::optional<Hit> find_hit();
 
   /// Whether nothing but the free flight asks where the segment ends.
-  bool draws_before_hit(const Medium& medium) const {
-    return medium.is_homogeneous() && plan_.transmittance.closed_forms && has_closed_forms(medium.homogeneous()) &&
-           uses(kVolumeScattering) && medium.scatters() && may_scatter() && !(uses(kVolumeEmission) && medium.emits()) &&
-           !(uses(kEquiangular) && vertex_ < kEquiangularVertices);
-  }
+  bool draws_before_hit(const Medium& medium) const;
 
-  FlightEnd cross_medium(const std::optional<Hit>& hit) {
-    const auto t = sample_distance(hit ? hit->t : no_hit_until_);
-    if (ended_) return FlightEnd::kOver;
-    note([&] { return SegmentEnds{t, beta_}; });
-    if (!t) {
-      next_light_share_ = 1;
-      return FlightEnd::kThrough;
-    }
-    return scatter_in_medium(*t, point_before(world_, ray_, *t, hit, uses(kTouching))) ? FlightEnd::kScattered : FlightEnd::kOver;
-  }
+  FlightEnd cross_medium(const std::optional<Hit>& hit);
 
   /// Flies through the current medium up to t_max: adds its emission, and returns the distance of a scattering, with
   /// the throughput updated, or nothing when the ray gets through.
-  std::optional<double> sample_distance(double t_max) {
-    const Medium& medium = world_.media[medium_];
-    note([&] { return SegmentStarts{ray_.o, ray_.d, t_max, medium_, beta_}; });
-    if (uses(kEquiangular)) {
-      this_flight_ = {ray_, t_max, 0, medium_, shares()};
-      if (vertex_ < kEquiangularVertices && medium.scatters() && may_scatter()) sample_equiangular(medium, t_max);
-    }
-    if (uses(kHomogeneousMedia) && medium.is_homogeneous() && (plan_.transmittance.closed_forms || !std::isfinite(t_max)) &&
-        has_closed_forms(medium.homogeneous()))
-      return sample_distance_homogeneous(medium.homogeneous(), is_chromatic(medium), t_max);
-    if (uses(kHeterogeneousMedia) && !medium.parts().empty() && !medium.is_homogeneous()) {
-      if (const auto unbounded = unbounded_part(medium, ray_, t_max)) return sample_distance_unbounded(medium, *unbounded);
-    }
-    return track(medium, t_max);
-  }
+  std::optional<double> sample_distance(double t_max);
 
   bool is_chromatic(const Medium& medium) const { return uses(kChromaticExtinction) && !(plan_.transmittance.grey && medium.is_grey()); }
 
@@ -300,54 +259,11 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
 
   /// `Model` is Bsdf, or DiffuseBsdf where nothing else is there.
   template <typename Model>
-  bool scatter_at_surface(const SurfaceVertex& v, const Model& bsdf) {
-    const SurfacePoint& s = v.s;
-    note([&] { return SurfaceScatters{s.p, -ray_.d, s.ng, s.ns, s.dpdu, v.material}; });
-    const Frame frame = uses(kGeneralSurfaces) ? shading_frame(v.ns, s.dpdu) : Frame::from_normal(v.ns);
-    const Vec3 wo = frame.to_local(Vec3(-ray_.d));
-    if (aov_weight_ > 0) record_first_hit(albedo(bsdf, wo), v.ns);
-    if (!may_scatter()) return false;
-    next_vertex();
-    // The flight to an earlier scattering in a medium could not have made this vertex.
-    if (uses(kEquiangular)) last_flight_.reset();
-
-    Stream layered = stream(key_, vertex_, Purpose::kLayered);
-    if (is_specular(bsdf)) return leave_surface(v, bsdf, frame, wo, layered);
-    sample_lights(s.p, [&](Vec3 wi, Scattered& scattered) {
-      const Vec3 local = frame.to_local(wi);
-      const bool transmission = local.z * wo.z < 0;
-      leave(v.hit, wi, v.next, transmission);
-      scattered = {eval_model(bsdf, wo, local, layered), woodcock::pdf(bsdf, wo, local), ray_towards(s, wi),
-                   medium_after_leaving(v, wi, transmission)};
-    });
-    return split([&](PathKernel& part, bool is_path) {
-      return part.leave_surface(v, bsdf, frame, wo, is_path ? layered : stream(part.key_, vertex_, Purpose::kLayered));
-    });
-  }
+  bool scatter_at_surface(const SurfaceVertex& v, const Model& bsdf);
 
   /// Takes a direction drawn from the material. False where the path ends.
   template <typename Model>
-  bool leave_surface(const SurfaceVertex& v, const Model& bsdf, const Frame& frame, Vec3 wo, Stream layered) {
-    const SurfacePoint& s = v.s;
-    Stream direction = stream(key_, vertex_, Purpose::kDirection);
-    const auto sample = sample_model(bsdf, wo, direction, layered);
-    if (!sample) return false;
-    beta_ *= sample->weight;
-    if (is_black(beta_)) return false;
-    if (sample->transmission) eta_scale_ *= sample->eta * sample->eta;
-    if (uses(kRefractedLight)) {
-      refraction_.reset();
-      if (sample->specular && sample->transmission && direction_pdf_ > 0) refraction_ = {&v.info, v.met, reference_, s.p, direction_pdf_};
-    }
-    const Vec3 wi = glm::normalize(frame.to_world(sample->wi));
-    medium_ = medium_after_leaving(v, wi, sample->transmission);
-    leave(v.hit, wi, v.next, sample->transmission);
-    ray_ = ray_towards(s, wi);
-    direction_pdf_ = sample->specular ? 0 : sample->pdf;
-    note([&] { return DirectionTaken{wi, direction_pdf_, beta_}; });
-    after_scattering(s.p);
-    return survives_roulette();
-  }
+  bool leave_surface(const SurfaceVertex& v, const Model& bsdf, const Frame& frame, Vec3 wo, Stream layered);
 
   // --- light ---------------------------------------------------------------------------------------------
 
@@ -383,19 +299,7 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
 
   /// Points a shadow ray that starts beside the reference point at the light sample. Gives the distance; nothing where they coincide, or
   /// where the ray starts on the other side of what emits: a light must not light itself, whose points are off it by their error.
-  static std::optional<double> aim(const LightSample& light, Ray& ray) {
-    if (!light.is_bounded) return static_cast<double>(kInf);
-    const DVec3 to = light.p - ray.o;
-    const double distance = glm::length(to);
-    if (!(distance > 0)) return std::nullopt;
-    ray.d = to / distance;
-    if (light.target.shape == kNone) return distance;
-    // How far the start lies on the drawn side, and what rounding makes of both points.
-    const DVec3 n(light.n);
-    const double ahead = glm::dot(n, to) * (glm::dot(light.n, light.wi) > 0 ? 1 : -1);
-    if (!(ahead > 0x1p-40 * glm::dot(glm::abs(n), glm::abs(light.p) + glm::abs(ray.o)))) return std::nullopt;
-    return distance;
-  }
+  static std::optional<double> aim(const LightSample& light, Ray& ray);
 
   // --- light through smooth glass --------------------------------------------------------------------------
 
@@ -447,34 +351,16 @@ class PathKernel : public PathMachine<kMask, PathKernel<kMask>> {
     double survival(double length) const { return sigma > 0 ? std::min(1.0, std::exp(-sigma * length) / kRefractionRoulette) : 1.0; }
     double longest() const { return sigma > 0 ? -std::log(u * kRefractionRoulette) / sigma : static_cast<double>(kInf); }
   };
-  RefractionRoulette refraction_roulette(bool is_empty) const {
-    const bool closed = is_empty && medium_ != kNone && world_.media[medium_].is_homogeneous() && plan_.transmittance.closed_forms;
-    return {stream(key_, vertex_, Purpose::kRefraction).uniform_double(),
-            closed ? static_cast<double>(min_component(world_.media[medium_].homogeneous().sigma_t)) : 0};
-  }
-  bool survives_refraction(const DielectricSphere& body, DVec3 from) const {
-    const RefractionRoulette roulette = refraction_roulette(body.is_empty);
-    return may_scatter() && roulette.u < roulette.survival(body.sphere.radius - glm::length(from - body.sphere.center));
-  }
-
+  RefractionRoulette refraction_roulette(bool is_empty) const;
+  bool survives_refraction(const DielectricSphere& body, DVec3 from) const;
   /// The same in a mesh with nothing inside.
-  bool survives_refraction_by_mesh(DVec3 from) const {
-    if (world_.dielectric_meshes.empty()) return true;
-    const double depth = world_.dielectric_meshes.depth(from);
-    if (!(depth > 0)) return true;
-    const RefractionRoulette roulette = refraction_roulette(true);
-    return may_scatter() && roulette.u < roulette.survival(depth);
-  }
+  bool survives_refraction_by_mesh(DVec3 from) const;
 
   /// Whether a way through a mesh is sampled: not where something else coincides with it, since more than one boundary is crossed there.
   bool is_alone(const MeshWay& found, DVec3 from) const;
 
   /// dω/dω′ of a way to the point p on a light with the normal n.
-  static double solid_angle_ratio(const RefractedWay& way, DVec3 from, DVec3 p, DVec3 n) {
-    const DVec3 straight = p - from;
-    const double d2 = length_squared(straight);
-    return way.solid_angle_per_area * std::abs(glm::dot(way.wo, n)) * d2 * std::sqrt(d2) / std::abs(glm::dot(straight, n));
-  }
+  static double solid_angle_ratio(const RefractedWay& way, DVec3 from, DVec3 p, DVec3 n);
 
   /// The MIS weight of light met after a refraction: solved again, so that a way that the solver does not find has the weight 1.
   float refraction_weight(const Refraction& refraction, const EmitterHit& emitter, int light) const;

@@ -6,6 +6,21 @@
 namespace woodcock {
 
 template <uint32_t kMask>
+std::optional<double> PathKernel<kMask>::aim(const LightSample& light, Ray& ray) {
+  if (!light.is_bounded) return static_cast<double>(kInf);
+  const DVec3 to = light.p - ray.o;
+  const double distance = glm::length(to);
+  if (!(distance > 0)) return std::nullopt;
+  ray.d = to / distance;
+  if (light.target.shape == kNone) return distance;
+  // How far the start lies on the drawn side, and what rounding makes of both points.
+  const DVec3 n(light.n);
+  const double ahead = glm::dot(n, to) * (glm::dot(light.n, light.wi) > 0 ? 1 : -1);
+  if (!(ahead > 0x1p-40 * glm::dot(glm::abs(n), glm::abs(light.p) + glm::abs(ray.o)))) return std::nullopt;
+  return distance;
+}
+
+template <uint32_t kMask>
 template <typename Evaluate>
 void PathKernel<kMask>::sample_light(DVec3 reference, Evaluate&& evaluate) {
   const auto choice = plan_.only_light

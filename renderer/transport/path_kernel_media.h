@@ -17,6 +17,59 @@ inline Rgb segment_emission(Rgb j, Rgb sigma, double t) {
 }
 
 template <uint32_t kMask>
+inline std::optional<Hit> PathKernel<kMask>::find_hit() {
+  drawn_.reset();
+  no_hit_until_ = kInf;
+  if (uses(kRefractedLight) && uses(kHomogeneousMedia) && medium_ != kNone) {
+    const DielectricSphere* body = world_.dielectric_around(ray_.o);
+    if (body != nullptr && body->is_empty && draws_before_hit(world_.media[medium_])) {
+      drawn_ = draw_flight(world_.media[medium_].homogeneous(), is_chromatic(world_.media[medium_]));
+      if (body->holds(ray_.o) && body->holds(ray_.at(drawn_->t))) {
+        no_hit_until_ = std::nextafter(drawn_->t, static_cast<double>(kInf));
+        return std::nullopt;
+      }
+    }
+  }
+  return Base::find_hit();
+}
+
+template <uint32_t kMask>
+inline bool PathKernel<kMask>::draws_before_hit(const Medium& medium) const {
+  return medium.is_homogeneous() && plan_.transmittance.closed_forms && has_closed_forms(medium.homogeneous()) && uses(kVolumeScattering) &&
+         medium.scatters() && may_scatter() && !(uses(kVolumeEmission) && medium.emits()) &&
+         !(uses(kEquiangular) && vertex_ < kEquiangularVertices);
+}
+
+template <uint32_t kMask>
+inline FlightEnd PathKernel<kMask>::cross_medium(const std::optional<Hit>& hit) {
+  const auto t = sample_distance(hit ? hit->t : no_hit_until_);
+  if (ended_) return FlightEnd::kOver;
+  note([&] { return SegmentEnds{t, beta_}; });
+  if (!t) {
+    next_light_share_ = 1;
+    return FlightEnd::kThrough;
+  }
+  return scatter_in_medium(*t, point_before(world_, ray_, *t, hit, uses(kTouching))) ? FlightEnd::kScattered : FlightEnd::kOver;
+}
+
+template <uint32_t kMask>
+inline std::optional<double> PathKernel<kMask>::sample_distance(double t_max) {
+  const Medium& medium = world_.media[medium_];
+  note([&] { return SegmentStarts{ray_.o, ray_.d, t_max, medium_, beta_}; });
+  if (uses(kEquiangular)) {
+    this_flight_ = {ray_, t_max, 0, medium_, shares()};
+    if (vertex_ < kEquiangularVertices && medium.scatters() && may_scatter()) sample_equiangular(medium, t_max);
+  }
+  if (uses(kHomogeneousMedia) && medium.is_homogeneous() && (plan_.transmittance.closed_forms || !std::isfinite(t_max)) &&
+      has_closed_forms(medium.homogeneous()))
+    return sample_distance_homogeneous(medium.homogeneous(), is_chromatic(medium), t_max);
+  if (uses(kHeterogeneousMedia) && !medium.parts().empty() && !medium.is_homogeneous()) {
+    if (const auto unbounded = unbounded_part(medium, ray_, t_max)) return sample_distance_unbounded(medium, *unbounded);
+  }
+  return track(medium, t_max);
+}
+
+template <uint32_t kMask>
 std::optional<double> PathKernel<kMask>::sample_distance_homogeneous(const MediumPoint& m, bool chromatic, double t_max) {
   if (uses(kVolumeEmission) && !is_black(m.emission)) {
     add(segment_emission(m.emission, m.sigma_t, t_max),

@@ -66,6 +66,35 @@ typename PathKernel<kMask>::Glass PathKernel<kMask>::glass_towards(const Dielect
 }
 
 template <uint32_t kMask>
+typename PathKernel<kMask>::RefractionRoulette PathKernel<kMask>::refraction_roulette(bool is_empty) const {
+  const bool closed = is_empty && medium_ != kNone && world_.media[medium_].is_homogeneous() && plan_.transmittance.closed_forms;
+  return {stream(key_, vertex_, Purpose::kRefraction).uniform_double(),
+          closed ? static_cast<double>(min_component(world_.media[medium_].homogeneous().sigma_t)) : 0};
+}
+
+template <uint32_t kMask>
+bool PathKernel<kMask>::survives_refraction(const DielectricSphere& body, DVec3 from) const {
+  const RefractionRoulette roulette = refraction_roulette(body.is_empty);
+  return may_scatter() && roulette.u < roulette.survival(body.sphere.radius - glm::length(from - body.sphere.center));
+}
+
+template <uint32_t kMask>
+bool PathKernel<kMask>::survives_refraction_by_mesh(DVec3 from) const {
+  if (world_.dielectric_meshes.empty()) return true;
+  const double depth = world_.dielectric_meshes.depth(from);
+  if (!(depth > 0)) return true;
+  const RefractionRoulette roulette = refraction_roulette(true);
+  return may_scatter() && roulette.u < roulette.survival(depth);
+}
+
+template <uint32_t kMask>
+double PathKernel<kMask>::solid_angle_ratio(const RefractedWay& way, DVec3 from, DVec3 p, DVec3 n) {
+  const DVec3 straight = p - from;
+  const double d2 = length_squared(straight);
+  return way.solid_angle_per_area * std::abs(glm::dot(way.wo, n)) * d2 * std::sqrt(d2) / std::abs(glm::dot(straight, n));
+}
+
+template <uint32_t kMask>
 template <typename Evaluate>
 void PathKernel<kMask>::sample_through_glass(const Glass& glass, const Lights::Choice& choice, const LightSample& light, DVec3 reference,
                                              Evaluate&& evaluate) {
