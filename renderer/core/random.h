@@ -7,6 +7,7 @@
 
 #include <bit>
 #include <cstdint>
+#include <optional>
 
 #include "renderer/core/sobol.h"
 #include "renderer/core/vec.h"
@@ -64,8 +65,10 @@ inline double minus_log(double x) {
 
 /// The point of a low-discrepancy sequence that takes the place of a stream's first draw.
 struct LeadingPoint {
-  uint64_t sequence = 0;  ///< names the sequence
+  uint64_t sequence = 0;  ///< names the scrambling
+  uint32_t shuffle = 0;
   uint32_t index = 0;
+  int pair = 0;  ///< of the dimensions
   bool given = false;
 };
 
@@ -100,7 +103,7 @@ class Stream {
  private:
   Vec2 take_leading() {
     leading_.given = false;
-    return sobol_point(leading_.index, leading_.sequence);
+    return sobol_point(leading_.index, leading_.shuffle, leading_.sequence, leading_.pair);
   }
 
   uint64_t state_;
@@ -151,12 +154,27 @@ inline PathKey split_key(PathKey path, uint32_t i, uint32_t count) {
   return key;
 }
 
+/// Which pair of one joint sequence a purpose at a vertex has; nothing where its pair is padded. The direction at the first vertex and
+/// what is drawn at the second decide together what a sample of indirect light brings: joint they have 0.9 of the squared error in the
+/// Cornell box. The light sample of the third vertex with them gained nothing.
+inline std::optional<int> joint_pair(uint32_t vertex, Purpose purpose) {
+  if (purpose == Purpose::kDirection && vertex == 1) return 0;
+  if (purpose == Purpose::kLightSample && vertex == 2) return 1;
+  if (purpose == Purpose::kDirection && vertex == 2) return 2;
+  return std::nullopt;
+}
+
 /// The stream of one purpose at one path vertex. Vertex 0 is the camera; interfaces and null collisions
 /// do not advance the vertex.
 inline Stream stream(PathKey path, uint32_t vertex, Purpose purpose) {
   const uint64_t place = (static_cast<uint64_t>(vertex) << 32) | static_cast<uint32_t>(purpose);
   LeadingPoint leading;
-  if (path.low_discrepancy && vertex < kLeadingVertices) leading = {hash_combine(path.replicate, place), path.index, true};
+  if (path.low_discrepancy && vertex < kLeadingVertices) {
+    const uint64_t sequence = hash_combine(path.replicate, place);
+    const auto joint = joint_pair(vertex, purpose);
+    // Pairs of one sequence are shuffled alike: by the replicate. A padded pair has a shuffle of its own.
+    leading = {sequence, static_cast<uint32_t>(joint ? mix64(path.replicate) : sequence), path.index, joint.value_or(0), true};
+  }
   return Stream(hash_combine(path.key, place), leading);
 }
 

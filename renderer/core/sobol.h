@@ -1,11 +1,12 @@
-// The Owen-scrambled Sobol' sequence in two dimensions.
+// The Owen-scrambled Sobol' sequence, in pairs of dimensions.
 //
-// Points of one sequence fill the unit square evenly: any 2^m of them that begin at a multiple of 2^m lie one in each
-// cell of every partition into 2^m equal boxes (a (0, 2)-sequence). Higher dimensions are *padded*: each pair of
-// numbers has a sequence of its own, scrambled and shuffled by its own seed (Burley 2020, "Practical Hash-based Owen
-// Scrambling", section 5), so that pairs do not know of each other.
+// Points of the first pair fill the unit square evenly: any 2^m of them that begin at a multiple of 2^m lie one in each
+// cell of every partition into 2^m equal boxes (a (0, 2)-sequence). Numbers of different pairs are either *padded*: each pair has a
+// sequence of its own, scrambled and shuffled by its own seed (Burley 2020, "Practical Hash-based Owen Scrambling", section 5), so that
+// pairs do not know of each other; or *joint*: up to kSobolPairs pairs of one sequence, shuffled alike, which fill more dimensions evenly.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "renderer/core/vec.h"
@@ -40,13 +41,32 @@ inline uint32_t pascal_digits(uint32_t i) {
   return i ^ ((i >> 16) & 0x0000ffffu);
 }
 
-/// Point `index` of the sequence that `seed` names, in [0, 1)² with 24 bits a coordinate.
-inline Vec2 sobol_point(uint32_t index, uint64_t seed) {
+inline constexpr int kSobolPairs = 3;
+
+/// Coordinates 2 to 5 of the sequence: what each byte of an index adds to the digits, reversed. 16 kB.
+struct SobolTables {
+  std::array<std::array<std::array<uint32_t, 256>, 4>, 2 * kSobolPairs - 2> part;
+
+  uint32_t digits(int dimension, uint32_t i) const {
+    const auto& p = part[static_cast<size_t>(dimension - 2)];
+    return p[0][i & 255] ^ p[1][(i >> 8) & 255] ^ p[2][(i >> 16) & 255] ^ p[3][i >> 24];
+  }
+};
+extern const SobolTables kSobolTables;
+
+/// Point `index`, in [0, 1)² with 24 bits a coordinate: coordinates 2·pair and 2·pair + 1 of the sequence, its order shuffled by
+/// `shuffle`, both scrambled by `seed`.
+inline Vec2 sobol_point(uint32_t index, uint32_t shuffle, uint64_t seed, int pair) {
   const auto low = static_cast<uint32_t>(seed), high = static_cast<uint32_t>(seed >> 32);
-  const uint32_t i = reverse_bits(scramble_upwards(reverse_bits(index), low));
-  const uint32_t x = reverse_bits(scramble_upwards(i, high));
-  const uint32_t y = reverse_bits(scramble_upwards(pascal_digits(i), low ^ (high * 0x9e3779b9u)));
+  const uint32_t i = reverse_bits(scramble_upwards(reverse_bits(index), shuffle));
+  const uint32_t x_digits = pair == 0 ? i : kSobolTables.digits(2 * pair, i);
+  const uint32_t y_digits = pair == 0 ? pascal_digits(i) : kSobolTables.digits(2 * pair + 1, i);
+  const uint32_t x = reverse_bits(scramble_upwards(x_digits, high));
+  const uint32_t y = reverse_bits(scramble_upwards(y_digits, low ^ (high * 0x9e3779b9u)));
   return {static_cast<float>(x >> 8) * 0x1p-24f, static_cast<float>(y >> 8) * 0x1p-24f};
 }
+
+/// A point of the padded sequence that `seed` names.
+inline Vec2 sobol_point(uint32_t index, uint64_t seed) { return sobol_point(index, static_cast<uint32_t>(seed), seed, 0); }
 
 }  // namespace woodcock

