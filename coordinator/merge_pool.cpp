@@ -2,17 +2,18 @@
 
 #include <fcntl.h>
 #include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
 #include <optional>
 #include <stdexcept>
+#include <system_error>
 #include <utility>
 
 #include "coordinator/merge_messages.h"
+#include "rpc/child_program.h"
+#include "rpc/file_descriptor.h"
 
 namespace woodcock::coordinator {
 
@@ -24,44 +25,19 @@ class MergePool::Server {
   /// Throws std::runtime_error.
   explicit Server(const std::string& program) {
     int requests[2], replies[2];
-    if (::pipe2(requests, O_CLOEXEC) != 0) fail("pipe", errno);
-    if (::pipe2(replies, O_CLOEXEC) != 0) {
-      const int error = errno;
-      ::close(requests[0]);
-      ::close(requests[1]);
-      fail("pipe", error);
-    }
-    requests_ = requests[1];
-    replies_ = replies[0];
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_adddup2(&actions, requests[0], STDIN_FILENO);
-    posix_spawn_file_actions_adddup2(&actions, replies[1], STDOUT_FILENO);
-    std::string option = "--merge-server", parent = std::to_string(::getpid()), path = program;
-    char* arguments[] = {path.data(), option.data(), parent.data(), nullptr};
-    // It needs nothing of our environment.
-    char* environment[] = {nullptr};
-    const int error = ::posix_spawn(&pid_, program.c_str(), &actions, nullptr, arguments, environment);
-    posix_spawn_file_actions_destroy(&actions);
-    ::close(requests[0]);
-    ::close(replies[1]);
-    if (error == 0) return;
-    ::close(requests_);
-    ::close(replies_);
-    fail("cannot start " + program, error);
+    if (::pipe2(requests, O_CLOEXEC) != 0) throw std::system_error(errno, std::generic_category(), "pipe");
+    const rpc::FileDescriptor its_requests(requests[0]);
+    requests_.reset(requests[1]);
+    if (::pipe2(replies, O_CLOEXEC) != 0) throw std::system_error(errno, std::generic_category(), "pipe");
+    const rpc::FileDescriptor its_replies(replies[1]);
+    replies_.reset(replies[0]);
+    rpc::ChildStart start{.program = program, .arguments = {"--merge-server", std::to_string(::getpid())}};
+    start.descriptors = {{STDIN_FILENO, its_requests.get()}, {STDOUT_FILENO, its_replies.get()}};
+    start.empty_environment = true;
+    child_ = rpc::ChildProgram(start);
   }
-  ~Server() {
-    ::close(requests_);
-    ::close(replies_);
-    ::kill(pid_, SIGKILL);
-    while (::waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
-    }
-  }
-  Server(const Server&) = delete;
-  Server& operator=(const Server&) = delete;
-
   /// Ends a merge that another thread waits for: with an error, there.
-  void kill() const { ::kill(pid_, SIGKILL); }
+  void kill() const { child_.signal(SIGKILL); }
 
   /// Whether it may be given another merge.
   bool usable() const { return usable_; }
@@ -70,9 +46,9 @@ class MergePool::Server {
     AssembleResult result;
     usable_ = false;
     try {
-      send_message(requests_, text_of(request));
+      send_message(requests_.get(), text_of(request));
       started();
-      std::optional<std::string> reply = receive_message(replies_, Clock::now() + kTimeLimit);
+      std::optional<std::string> reply = receive_message(replies_.get(), Clock::now() + kTimeLimit);
       if (!reply) throw std::runtime_error("the process that merges has ended");
       usable_ = true;
       if (reply->starts_with(kCrashed)) throw std::runtime_error(reply->substr(std::strlen(kCrashed)));
@@ -85,10 +61,8 @@ class MergePool::Server {
   }
 
  private:
-  [[noreturn]] static void fail(const std::string& what, int error) { throw std::runtime_error(what + ": " + std::strerror(error)); }
-
-  pid_t pid_ = -1;
-  int requests_ = -1, replies_ = -1;
+  rpc::FileDescriptor requests_, replies_;
+  rpc::ChildProgram child_;
   bool usable_ = true;
 };
 

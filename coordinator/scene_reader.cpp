@@ -2,8 +2,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <signal.h>
-#include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -15,12 +13,14 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <set>
-#include <thread>
-#include <vector>
+#include <system_error>
 
+#include "rpc/child_program.h"
 #include "rpc/convert.h"
 #include "rpc/error.h"
+#include "rpc/file_descriptor.h"
 #include "rpc/limits.h"
 #include "rpc/manifest.h"
 #include "rpc/printable.h"
@@ -117,37 +117,32 @@ void lay_out(const v1::SubmitSceneRequest& request, const fs::path& folder, Blob
   if (!missing.empty()) rpc::fail_precondition("files are not here:" + missing.substr(0, 1000) + "; upload them and submit again");
 }
 
+rpc::FileDescriptor opened(const std::string& path, int flags) {
+  const int fd = ::open(path.c_str(), flags | O_CLOEXEC, 0644);
+  if (fd < 0) rpc::fail_exhausted("the coordinator cannot open a temporary file: " + std::string(std::strerror(errno)));
+  return rpc::FileDescriptor(fd);
+}
+
 /// Runs the reader to its end. What it says is in the folder's files "answer" and "complaint". Returns its exit status.
 int run_reader(const std::string& program, const Workshop& workshop) {
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  const std::string folder = fs::absolute(workshop.folder), files = folder + "/files";
-  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, (folder + "/question").c_str(), O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, (folder + "/answer").c_str(), O_WRONLY | O_CREAT, 0644);
-  posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, (folder + "/complaint").c_str(), O_WRONLY | O_CREAT, 0644);
-  posix_spawn_file_actions_addchdir_np(&actions, files.c_str());
-  std::vector<std::string> words{program, "resolve-scene", "--manifests", folder + "/manifests", "--parent", std::to_string(::getpid())};
-  std::vector<char*> arguments;
-  for (std::string& word : words) arguments.push_back(word.data());
-  arguments.push_back(nullptr);
-  char* environment[] = {nullptr};
-  pid_t child = -1;
-  const int error = ::posix_spawn(&child, program.c_str(), &actions, nullptr, arguments.data(), environment);
-  posix_spawn_file_actions_destroy(&actions);
-  if (error != 0)
-    rpc::fail_precondition("this coordinator reads no scenes, since it cannot start " + program + ": " + std::strerror(error) +
+  const std::string folder = fs::absolute(workshop.folder);
+  const rpc::FileDescriptor question = opened(folder + "/question", O_RDONLY), answer = opened(folder + "/answer", O_WRONLY | O_CREAT),
+                            complaint = opened(folder + "/complaint", O_WRONLY | O_CREAT);
+  rpc::ChildStart start{.program = program,
+                        .arguments = {"resolve-scene", "--manifests", folder + "/manifests", "--parent", std::to_string(::getpid())}};
+  start.descriptors = {{STDIN_FILENO, question.get()}, {STDOUT_FILENO, answer.get()}, {STDERR_FILENO, complaint.get()}};
+  start.folder = folder + "/files";
+  start.empty_environment = true;
+  rpc::ChildProgram reader;
+  try {
+    reader = rpc::ChildProgram(start);
+  } catch (const std::system_error& error) {
+    rpc::fail_precondition("this coordinator reads no scenes: " + std::string(error.what()) +
                            "; install woodcock beside woodcock-coordinator, or use SubmitJob");
-  const auto deadline = std::chrono::steady_clock::now() + kTimeLimit;
-  for (int status = 0;; std::this_thread::sleep_for(std::chrono::milliseconds(5))) {
-    const pid_t ended = ::waitpid(child, &status, WNOHANG);
-    if (ended == child) return status;
-    if (ended < 0 && errno != EINTR) throw rpc::RpcError(rpc::Code::kInternal, std::string("waitpid: ") + std::strerror(errno));
-    if (std::chrono::steady_clock::now() < deadline) continue;
-    ::kill(child, SIGKILL);
-    while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
-    }
-    rpc::fail_invalid("the scene takes longer than two minutes to read");
   }
+  const std::optional<int> status = reader.wait_until(std::chrono::steady_clock::now() + kTimeLimit);
+  if (!status) rpc::fail_invalid("the scene takes longer than two minutes to read");
+  return *status;
 }
 
 /// Makes blobs of the content that the job needs. The reader has read files that are not trusted: what it says is checked.

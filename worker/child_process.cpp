@@ -21,26 +21,6 @@ using std::chrono::steady_clock;
 constexpr milliseconds kPollInterval{100};
 constexpr int kChannelFd = 3;
 
-/// Runs between fork and exec in a process that may have been multi-threaded: async-signal-safe calls only.
-[[noreturn]] void become_child(const char* program, char* const* arguments, int channel, int output) {
-  // Out of the way of the numbers assigned below.
-  const int line = ::fcntl(channel, F_DUPFD, 10);
-  const int log = ::fcntl(output, F_DUPFD, 10);
-  const int null = ::open("/dev/null", O_RDONLY);
-  ::dup2(null, STDIN_FILENO);
-  ::dup2(log, STDOUT_FILENO);
-  ::dup2(log, STDERR_FILENO);
-  ::dup2(line, kChannelFd);
-  ::close(line);
-  ::close(log);
-  if (null > kChannelFd) ::close(null);
-  sigset_t none;
-  ::sigemptyset(&none);
-  ::sigprocmask(SIG_SETMASK, &none, nullptr);
-  ::execv(program, arguments);
-  ::_exit(127);
-}
-
 /// Time without progress. Steps are capped: when this process itself was stopped or starved, the child is not
 /// blamed for it.
 class Silence {
@@ -81,35 +61,22 @@ ChildProcess::ChildProcess(const std::string& program, const std::vector<std::st
   rpc::FileDescriptor read_end(pipe_ends[0]), write_end(pipe_ends[1]);
   ::fcntl(read_end.get(), F_SETFL, O_NONBLOCK);
 
+  rpc::ChildStart start{.program = program, .arguments = arguments};
   // What `ps` shows: the program's own name, also where it is started by way of /proc.
   std::error_code no_link;
   const std::filesystem::path shown = std::filesystem::read_symlink(program, no_link);
-  std::vector<std::string> words{no_link ? program : shown.string()};
-  words.insert(words.end(), arguments.begin(), arguments.end());
-  for (const std::string& word :
-       {std::string("--channel-fd"), std::to_string(kChannelFd), std::string("--parent-pid"), std::to_string(::getpid())})
-    words.push_back(word);
-  std::vector<char*> argv;
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
-
-  const pid_t pid = ::fork();
-  if (pid < 0) throw std::system_error(errno, std::generic_category(), "cannot start the render child");
-  if (pid == 0) become_child(program.c_str(), argv.data(), theirs.fd(), write_end.get());
-  pid_ = pid;
+  if (!no_link) start.name = shown;
+  start.arguments.insert(start.arguments.end(), {"--channel-fd", std::to_string(kChannelFd), "--parent-pid", std::to_string(::getpid())});
+  start.descriptors = {{STDOUT_FILENO, write_end.get()}, {STDERR_FILENO, write_end.get()}, {kChannelFd, theirs.fd()}};
+  start.no_blocked_signals = true;
+  child_ = rpc::ChildProgram(start);
   channel_ = std::move(ours);
   output_ = std::move(read_end);
 }
 
-ChildProcess::~ChildProcess() { kill(); }
-
 int ChildProcess::kill() {
-  if (pid_ <= 0) return 0;
-  ::kill(pid_, SIGKILL);
-  int status = 0;
-  while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
-  }
-  pid_ = -1;
+  if (!alive()) return 0;
+  const int status = child_.kill().value_or(0);
   channel_.close();
   return status;
 }
@@ -154,11 +121,8 @@ std::optional<ChildIdentity> ChildProcess::wait_until_ready(milliseconds timeout
 
 AttemptFailure ChildProcess::describe_death(AttemptLog& log) {
   // The line closed; the process is gone or about to be. Give it a moment to leave its own status.
-  int status = 0;
-  pid_t reaped = 0;
-  for (int i = 0; i < 50 && (reaped = ::waitpid(pid_, &status, WNOHANG)) == 0; ++i) ::usleep(20000);
-  if (reaped == 0) status = kill();
-  pid_ = -1;
+  const std::optional<int> ended = child_.wait_until(steady_clock::now() + std::chrono::seconds(1));
+  const int status = ended ? *ended : kill();
   channel_.close();
   drain_output(log);
   const std::string output = last_lines(log.tail());

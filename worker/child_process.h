@@ -10,6 +10,7 @@
 #include <variant>
 #include <vector>
 
+#include "rpc/child_program.h"
 #include "worker/attempt_log.h"
 #include "worker/child_messages.h"
 #include "worker/message_channel.h"
@@ -38,16 +39,13 @@ struct AttemptFailure {
 struct AttemptCancelled {};
 using AttemptOutcome = std::variant<RenderedTile, AttemptFailure, AttemptCancelled>;
 
-/// A running render child; killed and reaped by the destructor. Must live on the thread that made it: the
+/// A running render child, which is killed with this object. Must live on the thread that made it: the
 /// kernel ends the child when that thread ends.
 class ChildProcess {
  public:
   /// `arguments` follow the program's name; "--channel-fd 3 --parent-pid P" are added. Throws std::system_error
   /// when it cannot be started.
   ChildProcess(const std::string& program, const std::vector<std::string>& arguments);
-  ~ChildProcess();
-  ChildProcess(const ChildProcess&) = delete;
-  ChildProcess& operator=(const ChildProcess&) = delete;
 
   /// Waits for the child's first message; nullopt when it died or said nothing for `timeout`.
   std::optional<ChildIdentity> wait_until_ready(std::chrono::milliseconds timeout, AttemptLog& log);
@@ -60,8 +58,8 @@ class ChildProcess {
                      const std::function<void(const ChildProgress&)>& on_progress);
 
   /// False after the child died or was killed; make another one then.
-  bool alive() const { return pid_ > 0; }
-  pid_t pid() const { return pid_; }
+  bool alive() const { return pid() > 0; }
+  pid_t pid() const { return child_.pid(); }
   /// SIGKILL and reap; returns the wait status.
   int kill();
 
@@ -71,9 +69,9 @@ class ChildProcess {
   void drain_output(AttemptLog& log);
   AttemptFailure describe_death(AttemptLog& log);
 
-  pid_t pid_ = -1;
   MessageChannel channel_;
   rpc::FileDescriptor output_;  // read end of the child's stdout and stderr, non-blocking
+  rpc::ChildProgram child_;
 };
 
 }  // namespace woodcock

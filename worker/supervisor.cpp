@@ -20,8 +20,11 @@ namespace {
 using std::chrono::milliseconds;
 using Lock = std::unique_lock<std::mutex>;
 
-/// A call younger than this is not cut short for news: its answer is probably on the way.
-constexpr milliseconds kYoungCall{50};
+/// A call that offers results is answered as soon as these are durable: it is not cut short for news before this, however far away the
+/// coordinator is. Others are held until there is something to say, and are cut short as soon as they may have arrived.
+constexpr milliseconds kOffering{1000}, kYoungCall{5};
+/// Leases that end sooner are not worth more calls.
+constexpr milliseconds kShortestRenewal{50};
 constexpr milliseconds kTick{100};
 constexpr milliseconds kFirstBackoff{200}, kLastBackoff{10'000};
 /// After the drain's deadline, time to tell the coordinator about it; and for the last call, in which it is told that this worker leaves.
@@ -127,7 +130,7 @@ std::shared_ptr<grpc::Channel> Supervisor::channel() {
 std::optional<milliseconds> Supervisor::renewal_interval() const {
   const auto shortest = book_.shortest_duration();
   if (!shortest) return std::nullopt;
-  return std::max(*shortest / 3, kYoungCall);
+  return std::max(*shortest / 3, kShortestRenewal);
 }
 
 void Supervisor::check_deadlines() {
@@ -229,18 +232,22 @@ void Supervisor::carry_out(Call& call, Lock& lock) {
 
 void Supervisor::await(Call& call, Lock& lock) {
   const auto renewal = renewal_interval();
+  const milliseconds patience = call.request.offers().empty() ? kYoungCall : kOffering;
+  const auto news = [&] { return call.state != v1::WORKER_STATE_LEFT && (book_.news() != call.news || state() != call.state); };
   while (!call.done) {
-    changed_.wait_for(lock, call.cut ? kTick : std::min(kTick, kYoungCall), [&] { return call.done; });
-    if (call.done) return;
-    check_deadlines();
     const milliseconds age = since(call.sent_at);
-    const bool news = call.state != v1::WORKER_STATE_LEFT && (book_.news() != call.news || state() != call.state);
-    if (!call.cut && (finished_ || (news && age >= kYoungCall) || (renewal && age >= *renewal))) {
+    const bool cut_for_news = news() && age >= patience;
+    if (!call.cut && (finished_ || cut_for_news || (renewal && age >= *renewal))) {
       call.cut = true;
       lock.unlock();
       call.context.TryCancel();
       lock.lock();
     }
+    // Until it is done, until there is news, or until it is old enough to be cut short for what is known.
+    const bool known = news();
+    const milliseconds next = known && !call.cut && age < patience ? std::min(kTick, patience - age) : kTick;
+    changed_.wait_for(lock, next, [&] { return call.done || (!call.cut && (finished_ || (!known && news()))); });
+    if (!call.done) check_deadlines();
   }
 }
 

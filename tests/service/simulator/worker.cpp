@@ -17,7 +17,7 @@
 namespace woodcock::simulator {
 namespace {
 
-constexpr Time kYoungCall = 50 * kMillisecond;
+constexpr Time kOffering = kSecond, kYoungCall = 5 * kMillisecond;
 constexpr Time kDeadline = 30 * kSecond;
 constexpr int kMaxAborts = 5;
 
@@ -130,7 +130,8 @@ void Worker::act() {
   const Time renewal = shortest ? std::chrono::nanoseconds(*shortest).count() / 3 : kDeadline;
   if (call_) {
     const Time age = world_.loop.now() - call_->sent;
-    if ((news && age >= kYoungCall) || age >= renewal)
+    const Time patience = call_->request.offers().empty() ? kYoungCall : kOffering;
+    if ((news && age >= patience) || age >= renewal)
       cut_call();
     else if (age >= kDeadline)
       call_failed(rpc::Code::kDeadlineExceeded, "no answer in time");
