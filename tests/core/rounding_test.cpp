@@ -22,7 +22,7 @@ double rounded_alone(double x) {
   return f;
 }
 
-TEST(Rounding, AFloatKeepsNoMoreThanAFloat) {
+TEST(Rounding, N75_a_float_keeps_no_more_than_a_float) {
   Stream random(1);
   const auto draw = [&] { return random.uniform_double() - 0.5; };
   for (int i = 0; i < 1000; ++i) {
@@ -40,7 +40,7 @@ TEST(Rounding, AFloatKeepsNoMoreThanAFloat) {
   }
 }
 
-TEST(Rounding, AProductIsRoundedBeforeItIsAddedTo) {
+TEST(Rounding, N75_a_product_is_rounded_before_it_is_added_to) {
   // With a fused multiply-add the error of the product remains.
   EXPECT_EQ(product_and_sum(1 + 0x1p-30, 1 - 0x1p-30, -1), 0);
 }
