@@ -220,7 +220,8 @@ std::vector<std::array<DVec3, 3>> LightFormula::piece(size_t triangle, bool whol
 }
 
 double LightFormula::flat_pdf(const std::vector<std::array<DVec3, 3>>& piece, DVec3 from, DVec3 p) const {
-  // By solid angle where the longest line in it is longer than 0.35 of the distance to the farthest corner, else by area.
+  // By solid angle where the longest line in it is longer than this share of the distance to the farthest corner, else by area.
+  const double share = piece.size() > 1 ? 0.5 : 0.35;
   double line = 0, far = 0, omega = 0, piece_area = 0;
   for (const auto& triangle : piece) {
     for (const DVec3 a : triangle) {
@@ -233,9 +234,9 @@ double LightFormula::flat_pdf(const std::vector<std::array<DVec3, 3>>& piece, DV
   }
   const DVec3 to = p - from, n = glm::normalize(glm::cross(piece[0][1] - piece[0][0], piece[0][2] - piece[0][0]));
   const double height = std::abs(glm::dot(to, n));
-  if (std::abs(line - 0.35 * far) < 1e-5 * far || (line > 0.35 * far && omega < 2e-5)) throw TooNear{};
+  if (std::abs(line - share * far) < 1e-5 * far || (line > share * far && omega < 2e-5)) throw TooNear{};
   if (piece.size() > 1 && height < 1e-4 * line) throw TooNear{};
-  if (line > 0.35 * far) return piece_area / area_ / omega;
+  if (line > share * far) return piece_area / area_ / omega;
   const double distance2 = glm::dot(to, to);
   return distance2 * std::sqrt(distance2) / (height * area_);
 }
