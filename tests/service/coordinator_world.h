@@ -187,7 +187,11 @@ class CoordinatorWorld {
         held.erase(verdict.lease_id());
         ++committed;
       }
-      for (const v1::LeaseGrant& grant : response.grants()) held[grant.lease_id()] = grant;
+      for (const v1::LeaseGrant& grant : response.grants()) {
+        // A lease that ended while it was told again gives way to the one that its task has now.
+        std::erase_if(held, [&](const auto& other) { return other.second.task().task_id() == grant.task().task_id(); });
+        held[grant.lease_id()] = grant;
+      }
       idle = held.empty() ? idle + 1 : 0;
     }
     return committed;
