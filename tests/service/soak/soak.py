@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import signal
+import socket
 import sqlite3
 import subprocess
 import sys
@@ -41,7 +42,8 @@ class Soak:
         self.farm = Farm(arguments.bin, folder, arguments.workers, chosen_by(arguments.seed, 'farm'))
         self.faults = Faults(self.farm, chosen_by(arguments.seed, 'faults'))
         self.moments, self.choices = chosen_by(arguments.seed, 'moments'), chosen_by(arguments.seed, 'jobs')
-        self.jobs, self.samples, self.held, self.kept = [], [], [], []
+        self.jobs, self.samples, self.held = [], [], []
+        self.told_more = 0  # bytes that are said of the coordinator beyond what it has
         self.began = time.monotonic()
         self.quiet = {}
 
@@ -117,8 +119,9 @@ class Soak:
             if not program.running():
                 continue
             below = processes.below(program.pid, children)
+            more = self.told_more if program is self.farm.coordinator else 0
             sample[program.name] = {
-                'start': program.starts, 'bytes': processes.resident_bytes(program.pid), 'descriptors': processes.count(program.pid, 'fd'),
+                'start': program.starts, 'bytes': processes.resident_bytes(program.pid) + more, 'descriptors': processes.count(program.pid, 'fd'),
                 'threads': processes.count(program.pid, 'task'), 'children': len(below),
                 'child_bytes': max([processes.resident_bytes(pid) for pid in below], default=0)
             }
@@ -146,6 +149,8 @@ class Soak:
     def _check_end(self):
         farm, folder = self.farm, self.farm.folder / 'end'
         folder.mkdir()
+        if self.held:
+            self._hold_connections()  # the coordinator has ended those that said nothing for 20 s
         self._check_growth(self._quiet())
         workers = json.loads(farm.ask(['workers', '--json'], folder) or '{"workers": []}')['workers']
         for worker in workers:
@@ -230,6 +235,10 @@ class Soak:
 
     # --- what it would notice ----------------------------------------------------------------------------------------
 
+    def _hold_connections(self):
+        port = int(self.farm.coordinator.words[self.farm.coordinator.words.index('--listen') + 1].rpartition(':')[2])
+        self.held = [socket.create_connection(('127.0.0.1', port)) for _ in range(60)]
+
     def _spoil(self):
         what, farm = self.arguments.spoil, self.farm
         say(f'spoiling: {what}')
@@ -243,15 +252,9 @@ class Soak:
             place.mkdir()
             (place / ('0' * 64)).write_bytes(b'nobody refers to it, and no clean-up looks here')
         elif what == 'descriptors':
-            import socket
-            port = int(farm.coordinator.words[farm.coordinator.words.index('--listen') + 1].rpartition(':')[2])
-            self.held = [socket.create_connection(('127.0.0.1', port)) for _ in range(60)]
-        elif what == 'memory':  # a job of many tasks that is never rendered
-            folder = farm.folder / 'spoil'
-            folder.mkdir()
-            job = farm.ask(['submit', str(self.arguments.scenes / 'sphere.pbrt'), '--resolution', '4096x3072', '--spp', '64', '--tile', '8', '--priority',
-                            '-100'], folder)
-            farm.ask(['pause', job.split('\n')[0]], folder)
+            self._hold_connections()
+        elif what == 'memory':  # told, not taken: nothing that a client asks for takes so much
+            self.told_more = GROWTH_OF_COORDINATOR + 16 * MIB
         elif what == 'program':
             farm.workers[-1].process.send_signal(signal.SIGKILL)
         elif what == 'samples':
