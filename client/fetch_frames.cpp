@@ -46,6 +46,14 @@ std::string with_frame_number(const std::string& text, uint64_t frame) {
   return text.substr(0, best) + fmt::format("{:0{}}", frame, best_length) + text.substr(best + best_length);
 }
 
+void check_scene_of_sequence(const std::string& scene_file, size_t frames) {
+  if (frames <= 1 || scene_file.find('#') != std::string::npos) return;
+  throw std::invalid_argument(
+      fmt::format("found {} frames of \"{}\", whose name has no ####: each would be the same scene; name the files of the sequence, as in "
+                  "shot.####.pbrt, or give one frame",
+                  frames, rpc::printable(scene_file)));
+}
+
 void check_output(const std::string& output, int64_t frames) {
   if (output.empty()) return;
   if (frames > 1 && output.find('#') == std::string::npos)

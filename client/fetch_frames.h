@@ -20,6 +20,9 @@ struct FetchOptions {
 /// `text` with its longest run of '#' replaced by the number, padded with zeros to the run's length.
 std::string with_frame_number(const std::string& text, uint64_t frame);
 
+/// Throws std::invalid_argument when several frames would be one and the same scene.
+void check_scene_of_sequence(const std::string& scene_file, size_t frames);
+
 struct Fetched {
   bool complete = true;  ///< no frame lacks samples
   nlohmann::json frames = nlohmann::json::array();

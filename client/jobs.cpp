@@ -31,7 +31,9 @@ struct JobOptions {
 template <typename Options>
 CLI::App* add_job_command(CLI::App& app, const std::string& name, const std::string& description, const std::shared_ptr<Options>& options) {
   auto* command = app.add_subcommand(name, description);
-  command->add_option("job", options->job, "The job's id, as `woodcock submit` or `woodcock jobs` prints it")->required();
+  command->add_option("job", options->job, "The job's id, as `woodcock submit` or `woodcock jobs` prints it")
+      ->required()
+      ->check(problem_of_job_id);
   add_service_options(*command, options->service);
   command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
   return command;
@@ -74,11 +76,13 @@ void print_job(const v1::Job& job) {
   }
 }
 
+std::string outcome(const v1::Job& job) { return fmt::format("job {} is {}", job.job_id(), state_name(job.state())); }
+
 void report(const v1::Job& job, bool json) {
   if (json)
     say_json(job_json(job));
   else
-    say("job {} is {}\n", job.job_id(), state_name(job.state()));
+    say("{}\n", outcome(job));
 }
 
 /// All jobs, newest first, without their frames.
@@ -110,7 +114,7 @@ int act(const JobOptions& options, Method method, Request request, const std::st
   request.set_job_id(options.job);
   Response response;
   service.call(method, request, response, what + " job " + options.job);
-  report(response.job(), options.json);
+  say_outcome(outcome(response.job()), [&] { report(response.job(), options.json); });
   return 0;
 }
 
@@ -230,8 +234,11 @@ void add_repin_command(CLI::App& app, int& code) {
         request.set_job_id(options->job);
         v1::RepinJobResponse response;
         service.call(&v1::JobsService::Stub::RepinJob, request, response, "starting job " + options->job + " again");
-        if (!options->json) say("frames that start again: {}\n", response.frames());
-        report(response.job(), options->json);
+        const std::string again = fmt::format("frames that start again: {}", response.frames());
+        say_outcome(again, [&] {
+          if (!options->json) say("{}\n", again);
+          report(response.job(), options->json);
+        });
         code = 0;
       });
 }

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -59,6 +60,18 @@ void note(fmt::format_string<decltype(shown(std::declval<const Values&>()))...> 
   try {
     print_to<Values...>(stderr, format, values...);
   } catch (const std::system_error&) {
+  }
+}
+
+/// Runs `print` and writes what it said. Where that cannot be written the error also tells `outcome`: what the command has made or changed
+/// is so all the same. Throws std::runtime_error.
+template <typename Print>
+void say_outcome(const std::string& outcome, Print print) {
+  try {
+    print();
+    rpc::flush_standard_output();
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(fmt::format("{}; {}", error.what(), outcome));
   }
 }
 

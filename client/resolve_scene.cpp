@@ -19,6 +19,7 @@
 #include "client/submission.h"
 #include "renderer/frame/estimator_settings.h"
 #include "rpc/convert.h"
+#include "rpc/scene_paths.h"
 #include "woodcock/v1/scenes_service.pb.h"
 
 namespace woodcock {
@@ -42,7 +43,7 @@ void bound_this_process(pid_t parent) {
   ::setrlimit(RLIMIT_CORE, &core);
 }
 
-/// What `woodcock submit` would send for these files.
+/// What `woodcock submit` would send for these files, which lie in the current folder.
 Submission resolve(const v1::SubmitSceneRequest& request, v1::SubmitSceneResponse& response) {
   Submission submission;
   const auto add = [&](const std::string& scene_file, uint64_t number) {
@@ -54,8 +55,9 @@ Submission resolve(const v1::SubmitSceneRequest& request, v1::SubmitSceneRespons
     }
     resolve_estimator(settings);
     add_frame(scene_file, settings, static_cast<int>(request.settings().tile_size()), submission,
-              [&](const std::string& line) { response.add_warnings(line); });
+              [&](const std::string& line) { response.add_warnings(rpc::without_folder(line, std::filesystem::current_path())); });
   };
+  check_scene_of_sequence(request.scene_file(), static_cast<size_t>(request.frames_size()));
   if (request.frames().empty()) add(request.scene_file(), 0);
   for (const uint64_t number : request.frames()) add(with_frame_number(request.scene_file(), number), number);
   v1::SubmitJobRequest& job = submission.request;
@@ -75,7 +77,12 @@ int run(const ResolveOptions& options) {
   v1::SubmitSceneRequest request;
   if (!request.ParseFromIstream(&std::cin)) throw std::runtime_error("standard input holds no SubmitSceneRequest");
   v1::SubmitSceneResponse response;
-  const Submission submission = resolve(request, response);
+  Submission submission;
+  try {
+    submission = resolve(request, response);
+  } catch (const std::exception& error) {
+    throw std::runtime_error(rpc::without_folder(error.what(), std::filesystem::current_path()));
+  }
   for (const auto& [digest, bytes] : submission.manifests) {
     std::ofstream file(std::filesystem::path(options.manifests) / digest, std::ios::binary);
     file << bytes;

@@ -63,7 +63,9 @@ void add_delete_command(CLI::App& app, int& code) {
   auto options = std::make_shared<Options>();
   auto* command =
       app.add_subcommand("delete", "Forget a job that has ended, with its images, results and scene files that no other job has");
-  command->add_option("job", options->job, "The job's id, as `woodcock submit` or `woodcock jobs` prints it")->required();
+  command->add_option("job", options->job, "The job's id, as `woodcock submit` or `woodcock jobs` prints it")
+      ->required()
+      ->check(problem_of_job_id);
   add_service_options(*command, options->service);
   command->add_flag("--cancel", options->cancel, "Cancel it first where it has not ended");
   command->add_flag("--json", options->json, "One JSON object on standard output, nothing else there");
@@ -81,10 +83,12 @@ void add_delete_command(CLI::App& app, int& code) {
       // The answer to a call before was lost.
       if (error.code() != rpc::Code::kNotFound) throw;
     }
-    if (options->json)
-      say_json(nlohmann::json{{"job_id", options->job}, {"deleted", true}});
-    else
-      say("job {} is deleted\n", options->job);
+    say_outcome("job " + options->job + " is deleted", [&] {
+      if (options->json)
+        say_json(nlohmann::json{{"job_id", options->job}, {"deleted", true}});
+      else
+        say("job {} is deleted\n", options->job);
+    });
     code = 0;
   });
 }

@@ -22,6 +22,10 @@ void add_service_options(CLI::App& command, ServiceOptions& options) {
       ->capture_default_str();
 }
 
+std::string problem_of_job_id(const std::string& text) {
+  return text.empty() ? "found an empty text, expected a job's id, as `woodcock submit` or `woodcock jobs` prints it" : "";
+}
+
 Service::Service(const ServiceOptions& options) : address_(options.coordinator), channel_(rpc::make_channel(options.coordinator)) {
   if (!channel_->WaitForConnected(std::chrono::system_clock::now() + kConnect))
     throw rpc::RpcError(rpc::Code::kUnavailable,

@@ -25,6 +25,9 @@ struct ServiceOptions {
 /// Adds --coordinator, which WOODCOCK_COORDINATOR presets.
 void add_service_options(CLI::App& command, ServiceOptions& options);
 
+/// Why a text of the command line cannot be a job's id; empty where it may be one.
+std::string problem_of_job_id(const std::string& text);
+
 /// A connected coordinator.
 class Service {
  public:

@@ -46,6 +46,7 @@ std::vector<uint64_t> frames_of(const SubmitOptions& options) {
   if (!options.frames) return {0};
   try {
     FrameList list = parse_frame_list(*options.frames);
+    check_scene_of_sequence(options.scene, list.frames.size());
     if (!list.repeated.empty())
       note("note: --frames names these more than once, and they are rendered once: {}\n", describe_frames(list.repeated));
     return std::move(list.frames);
@@ -103,6 +104,45 @@ void add_quote(const QuoteRun& run, Service& service, Submission& submission) {
   }
 }
 
+/// What is left when the coordinator has the job: says so, follows it and fetches its images as far as the options ask. Returns the exit
+/// code.
+int follow_up(const SubmitOptions& options, Service& service, const v1::SubmitJobRequest& job, const std::string& id, int64_t uploaded) {
+  nlohmann::json report{{"job_id", id}, {"uploaded_bytes", uploaded}, {"frames", job.frames_size()}};
+  if (job.has_quote()) report["quote"] = quote_json(job.quote());
+  const bool follow = options.watch || !options.output.empty();
+  if (!options.json && !follow) {
+    say("{}\n", id);
+    note("job {}: {} frame{}, {}; follow it with: woodcock watch {}\n", id, job.frames_size(), job.frames_size() == 1 ? "" : "s",
+         job.has_target() ? describe_target(job.target()) : fmt::format("{} samples per pixel", job.settings().samples()), id);
+  }
+  int code = 0;
+  if (follow) {
+    const auto seen = watch_job_on_terminal(service, id, options.json);
+    if (!seen) return 1;
+    service.wait_for_ever();
+    code = exit_code(seen->state());
+    report["job"] = job_json(*seen);
+    if (!options.json && seen->has_quote_outcome()) note("became    {}\n", outcome_line(*seen));
+    if (code == 1) {
+      if (!options.json) note("job {} is {}: {}\n", id, state_name(seen->state()), seen->state_reason());
+    } else if (!options.output.empty()) {
+      FetchOptions fetch;
+      fetch.output = options.output;
+      fetch.quiet = options.json;
+      report["images"] = fetch_frames(service, *seen, fetch).frames;
+    } else {
+      if (!options.json) {
+        say("{}\n", id);
+        note("job {} is {}; get it with: woodcock fetch {} -o OUT.exr\n", id, state_name(seen->state()), id);
+      }
+      report_health(health_of(*seen));
+    }
+  }
+  if (options.json) say_json(report);
+  rpc::flush_standard_output();
+  return code;
+}
+
 int run(const SubmitOptions& options) {
   const std::vector<uint64_t> frames = frames_of(options);
   const QuoteRun quoted = quote_run(options, frames.front());
@@ -121,42 +161,12 @@ int run(const SubmitOptions& options) {
   const int64_t uploaded = upload_missing(service, submission, options.json);
   v1::SubmitJobResponse response;
   service.call(&v1::JobsService::Stub::SubmitJob, submission.request, response, "submitting the job");
-  const std::string& id = response.job_id();
-
-  nlohmann::json report{{"job_id", id}, {"uploaded_bytes", uploaded}, {"frames", frames.size()}};
-  if (submission.request.has_quote()) report["quote"] = quote_json(submission.request.quote());
-  const bool follow = options.watch || !options.output.empty();
-  if (!options.json && !follow) {
-    say("{}\n", id);
-    const v1::SubmitJobRequest& job = submission.request;
-    note("job {}: {} frame{}, {}; follow it with: woodcock watch {}\n", id, frames.size(), frames.size() == 1 ? "" : "s",
-         job.has_target() ? describe_target(job.target()) : fmt::format("{} samples per pixel", job.settings().samples()), id);
+  try {
+    return follow_up(options, service, submission.request, response.job_id(), uploaded);
+  } catch (const std::exception& error) {
+    // Whatever failed, the job is there, and this may be the only place where its id is seen.
+    throw std::runtime_error(fmt::format("{}; the job was submitted: {}", error.what(), response.job_id()));
   }
-  int code = 0;
-  if (follow) {
-    const auto job = watch_job_on_terminal(service, id, options.json);
-    if (!job) return 1;
-    service.wait_for_ever();
-    code = exit_code(job->state());
-    report["job"] = job_json(*job);
-    if (!options.json && job->has_quote_outcome()) note("became    {}\n", outcome_line(*job));
-    if (code == 1) {
-      if (!options.json) note("job {} is {}: {}\n", id, state_name(job->state()), job->state_reason());
-    } else if (!options.output.empty()) {
-      FetchOptions fetch;
-      fetch.output = options.output;
-      fetch.quiet = options.json;
-      report["images"] = fetch_frames(service, *job, fetch).frames;
-    } else {
-      if (!options.json) {
-        say("{}\n", id);
-        note("job {} is {}; get it with: woodcock fetch {} -o OUT.exr\n", id, state_name(job->state()), id);
-      }
-      report_health(health_of(*job));
-    }
-  }
-  if (options.json) say_json(report);
-  return code;
 }
 
 }  // namespace
@@ -174,7 +184,9 @@ void add_submit_command(CLI::App& app, int& code) {
                    "Frames of a sequence: 7, or A-B with both ends, or A-BxS, every S-th of them; several with commas, as in 1-100x5,200")
       ->type_name("LIST");
   add_policy_options(*command, options->priority, options->policy);
-  command->add_option("--name", options->name, "The job's name for people (default: the scene file's)");
+  command->add_option("--name", options->name, "The job's name for people (default: the scene file's)")->check([](const std::string& name) {
+    return name.empty() ? std::string("found an empty text, expected a name; without --name it is the scene file's") : std::string();
+  });
   add_frame_options(*command, options->settings);
   add_target_options(*command, options->target);
   command

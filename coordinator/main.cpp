@@ -154,7 +154,8 @@ int main(int argc, char** argv) {
   rpc::start_log("coordinator", "%Y-%m-%dT%H:%M:%S.%e%z %l %v");
   spdlog::flush_on(spdlog::level::info);
 
-  CLI::App app("Splits frames into tasks, leases them to workers, merges the results.");
+  CLI::App app("Splits frames into tasks, leases them to workers, merges the results.", "woodcock-coordinator");
+  app.set_version_flag("--version", "woodcock-coordinator " WOODCOCK_VERSION);
   CoordinatorOptions options;
   options.merges_at_once = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 2u, 8u));
   std::string listen = rpc::kDefaultAddress, test_hook;

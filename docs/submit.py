@@ -19,14 +19,8 @@ class Coordinator:
         reply = next(ask(iter([b"\x22" + bytes([len(symbol)]) + symbol.encode()]), timeout=30))
         found = next(field.data for field in empty_pb2.Empty.FromString(reply).UnknownFields() if field.field_number == 4)
         files = {file.name: file for file in descriptor_pb2.FileDescriptorSet.FromString(found).file}
-
-        def add(name):
-            if file := files.pop(name, None):
-                for imported in file.dependency:
-                    add(imported)
-                self.pool.Add(file)
-        for name in list(files):
-            add(name)
+        while files:
+            self.pool.Add(files.pop(next(name for name in files if not files.keys() & set(files[name].dependency))))
 
     def message(self, name, **fields):
         return message_factory.MessageFactory(self.pool).GetPrototype(self.pool.FindMessageTypeByName("woodcock.v1." + name))(**fields)
@@ -46,6 +40,11 @@ class Coordinator:
         return header["content_digest"]
 
 
+sys.excepthook = lambda _, error, trace: print("submit.py:", getattr(error, "details", lambda: error)(), file=sys.stderr)
+missing = [file for file in sys.argv[4:] if not os.path.isfile(file)]
+if len(sys.argv) < 5 or not sys.argv[3].isdigit() or missing:
+    print(f"submit.py: there is no file {missing[0]}" if missing else "usage: " + __doc__.splitlines()[1], file=sys.stderr)
+    sys.exit(2)
 address, out, samples, scene, *others = sys.argv[1:]
 c = Coordinator(address)
 files = [dict(path=os.path.relpath(f, os.path.dirname(scene) or "."), content_digest=c.upload(f)) for f in [scene, *others]]
@@ -55,5 +54,5 @@ for update in c.call("unary_stream", "JobsService", "WatchJob", c.message("Watch
     print(f"{job}: {update.job.progress.samples_done} of {update.job.progress.samples_total} samples", update.job.state_reason)
 picture = c.call("unary_unary", "ScenesService", "GetPicture", c.message("GetPictureRequest", job_id=job), 3600)
 with open(out, "wb") as file:
-    for part in c.call("unary_stream", "BlobsService", "Download", c.message("DownloadRequest", content_digest=picture.content_digest), 3600):
-        file.write(part.chunk)
+    download = c.message("DownloadRequest", content_digest=picture.content_digest)
+    file.writelines(part.chunk for part in c.call("unary_stream", "BlobsService", "Download", download, 3600))

@@ -149,7 +149,7 @@ int work(const Arguments& arguments) {
 
 int run(int argc, char** argv) {
   CLI::App app("Renders tasks for a Woodcock coordinator.", "woodcock-worker");
-  app.set_version_flag("--version", std::string("woodcock-worker 0.1.0"));
+  app.set_version_flag("--version", "woodcock-worker " WOODCOCK_VERSION);
   Arguments arguments;
   declare(app, arguments);
   try {

@@ -8,6 +8,7 @@
 #include "rpc/convert.h"
 #include "rpc/error.h"
 #include "rpc/failure.h"
+#include "rpc/scene_paths.h"
 #include "worker/supervisor.h"
 
 namespace woodcock {
@@ -146,6 +147,7 @@ AttemptOutcome Supervisor::attempt(ChildProcess& child, const v1::LeaseGrant& gr
 
 void Supervisor::render(int slot, ChildProcess& child, const v1::LeaseGrant& grant) {
   const v1::TaskSpec& task = grant.task();
+  const fs::path scene = folder_.assets() / "scenes" / task.manifest_digest();
   make_room_for_log(folder_.logs());
   AttemptLog log(log_path(task, grant.epoch()), kLogBytes);
   AttemptOutcome outcome = attempt(child, grant, log);
@@ -169,7 +171,8 @@ void Supervisor::render(int slot, ChildProcess& child, const v1::LeaseGrant& gra
     if (const auto* tile = std::get_if<RenderedTile>(&outcome))
       book_.rendered(grant, *tile);
     else if (const auto* failure = std::get_if<AttemptFailure>(&outcome))
-      book_.failed(grant, *failure, log.tail(), scene_checked);
+      book_.failed(grant, {failure->cause, rpc::without_folder(failure->reason, scene)}, rpc::without_folder(log.tail(), scene),
+                   scene_checked);
     else
       book_.stopped(grant);
   } catch (const std::exception& error) {

@@ -230,6 +230,15 @@ TEST(Documents, NameOptionsThatSomeCommandHas) {
   }
 }
 
+TEST(Programs, SayTheirVersion) {
+  for (const std::string& program : programs()) {
+    const auto result = testing::run_command({kPrograms / program, "--version"});
+    EXPECT_EQ(result.exit_code, 0) << program << ": " << result.err;
+    EXPECT_TRUE(std::regex_match(result.out, std::regex("(" + program + " )?[0-9]+\\.[0-9]+\\.[0-9]+\n"))) << result.out;
+    EXPECT_EQ(words(result.out).back(), WOODCOCK_PROJECT_VERSION) << program;
+  }
+}
+
 TEST(Documents, AWrongNameWouldBeSeen) {
   EXPECT_FALSE(exists("renderer/nothing/here"));
   EXPECT_TRUE(exists("renderer/transport/path"));

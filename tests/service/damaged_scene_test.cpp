@@ -73,5 +73,19 @@ TEST_F(F28, F28_ACacheThatCannotBeReadAfterARestartIsFetchedAgain) {
   EXPECT_TRUE(workers_.front()->running());
 }
 
+TEST_F(F28, F28_ASceneErrorOfAWorkerNamesFilesAsTheUserDoes) {
+  start_coordinator();
+  start_worker();
+  fs::create_directories(folder_ / "scene");
+  std::ofstream(path("scene/bad.pbrt")) << "Sampler \"zsobol\" \"integer pixelsamples\" 1\nCamera \"perspective\"\nWorldBegin\n"
+                                           "LightSource \"infinite\"\nShape \"plymesh\" \"string filename\" \"bad.ply\"\n";
+  std::ofstream(path("scene/bad.ply")) << "nonsense";
+  const std::string job = submit({path("scene/bad.pbrt"), "--resolution", "8x8"});
+  ASSERT_EQ(watch(job), 1);
+  const std::string shown = show(job).dump();
+  EXPECT_THAT(shown, HasSubstr("bad.pbrt:5:"));
+  EXPECT_THAT(shown, ::testing::Not(HasSubstr((folder_ / "worker0").string())));
+}
+
 }  // namespace
 }  // namespace woodcock::testing_service

@@ -352,7 +352,18 @@ TEST_F(WrongUse, UnknownJobIsAnError) {
 TEST_F(WrongUse, WrongArgumentsAreCodeTwo) {
   EXPECT_EQ(woodcock({"submit"}).code, 2);
   EXPECT_EQ(woodcock({"submit", kCornell, "--frames", "5-1"}).code, 2);
+  // One and the same scene three times; one frame of it is a choice of its noise.
+  const Ended same = woodcock({"submit", kCornell, "--frames", "1-3"});
+  EXPECT_EQ(same.code, 2);
+  EXPECT_THAT(same.err, AllOf(HasSubstr("found 3 frames of"), HasSubstr("has no ####"), HasSubstr("shot.####.pbrt")));
+  EXPECT_EQ(woodcock({"submit", kCornell, "--frames", "7"}).code, 1) << "there is no coordinator, and nothing wrong with the words";
   EXPECT_EQ(woodcock({"submit", kCornell, "--spp", "0"}).code, 2);
+  EXPECT_EQ(woodcock({"submit", kCornell, "--name", ""}).code, 2);
+  for (const char* command : {"show", "watch", "fetch", "cancel", "pause", "resume", "repin", "extend", "delete"}) {
+    const Ended run = woodcock({command, ""});
+    EXPECT_EQ(run.code, 2) << command;
+    EXPECT_THAT(run.err, HasSubstr("found an empty text, expected a job's id")) << command;
+  }
   EXPECT_EQ(woodcock({"extend", "x"}).code, 2);
   EXPECT_EQ(woodcock({"nosuchcommand"}).code, 2);
   Program worker("woodcock-worker", {"--slots", "0", "--dir", path("w")}, folder_ / "wrong");

@@ -193,6 +193,27 @@ TEST_F(F36, F36_OutputToAFullDeviceIsAFailureOfEveryCommand) {
     EXPECT_EQ(run.code, 1) << name << "\n" << run.err;
     EXPECT_THAT(run.err, HasSubstr("standard output cannot be written")) << name;
   }
+  // What was done all the same is told where it can be read.
+  const auto told = [&](const std::string& name, std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {program("woodcock"), name});
+    const Ended run = shell("", arguments, " > /dev/full");
+    EXPECT_EQ(run.code, 1) << name << "\n" << run.err;
+    return run.err;
+  };
+  const std::string picture = path("p.exr");
+  for (const std::vector<std::string>& more :
+       std::vector<std::vector<std::string>>{{"--json"}, {"--watch"}, {"--watch", "--json"}, {"-o", picture}}) {
+    std::vector<std::string> arguments = tiny_;
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const std::string err = told("submit", arguments);
+    const size_t at = err.find("the job was submitted: ");
+    ASSERT_NE(at, std::string::npos) << err;
+    const std::string id = err.substr(at + 23, err.find('\n', at) - at - 23);
+    EXPECT_EQ(watch(id), 0) << id;
+    EXPECT_THAT(told("extend", {id, "--spp", "4"}), HasSubstr("job " + id + " is "));
+    EXPECT_THAT(told("cancel", {id, "--json"}), HasSubstr("job " + id + " is "));
+    EXPECT_THAT(told("delete", {id}), HasSubstr("job " + id + " is deleted"));
+  }
   for (const std::string name : {"woodcock", "woodcock-coordinator", "woodcock-worker"}) {
     const Ended run = shell("", {program(name), "--help"}, " > /dev/full");
     EXPECT_EQ(run.code, 1) << name;

@@ -18,6 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 std::string bytes_of(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
@@ -122,6 +123,24 @@ TEST_F(ManyJobs, F35_AProgramWrittenFromTheContractAloneSubmitsWatchesAndFetches
   EXPECT_LT(std::count(text.begin(), text.end(), '\n'), 60);
 }
 
+TEST_F(ManyJobs, F35_ThatProgramSaysInOneLineWhatIsWrongWithItsUse) {
+  int runs = 0;
+  const auto refusal = [&](const std::vector<std::string>& arguments, int code) {
+    Program client(std::string(WOODCOCK_SOURCE_DIR) + "/docs/submit.py", arguments, folder_ / ("wrong" + std::to_string(++runs)));
+    EXPECT_EQ(client.wait(kPatience), code) << client.err();
+    const std::string err = client.err();
+    EXPECT_EQ(std::count(err.begin(), err.end(), '\n'), 1) << err;
+    return err;
+  };
+  const std::string usage = "usage: submit.py HOST:PORT OUT.exr SAMPLES SCENE.pbrt";
+  EXPECT_THAT(refusal({}, 2), HasSubstr(usage));
+  EXPECT_THAT(refusal({"127.0.0.1:1", "out.exr", "2"}, 2), HasSubstr(usage));
+  EXPECT_THAT(refusal({"127.0.0.1:1", "out.exr", "two", cornell_}, 2), HasSubstr(usage));
+  EXPECT_THAT(refusal({"127.0.0.1:1", "out.exr", "2", cornell_, path("absent.ply")}, 2),
+              HasSubstr("there is no file " + path("absent.ply")));
+  EXPECT_THAT(refusal({"127.0.0.1:1", "out.exr", "2", cornell_}, 1), HasSubstr("connect"));
+}
+
 TEST_F(ManyJobs, F35_AHandedInSceneIsTheJobThatTheClientWouldSubmit) {
   start_coordinator();
   start_worker();
@@ -150,11 +169,17 @@ TEST_F(ManyJobs, F35_ASceneThatCannotBeReadIsRefusedWithItsPlace) {
     v1::SubmitSceneResponse response;
     const grpc::Status status = submit_scene(request, response);
     EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT) << status.error_message();
+    EXPECT_THAT(status.error_message(), Not(HasSubstr(folder_.string()))) << "where the coordinator keeps files is nobody's business";
     return status.error_message();
   };
   EXPECT_THAT(refusal([](auto& r) { r.mutable_files(0)->set_content("Camera \"perspective\"\nNonsense\n"); }),
               HasSubstr("cornell.pbrt:2:1"));
   EXPECT_THAT(refusal([](auto& r) { r.mutable_files()->RemoveLast(); }), HasSubstr("cube.pbrt"));
+  EXPECT_THAT(refusal([](auto& r) { r.mutable_files(1)->set_content("Nonsense\n"); }), HasSubstr("data/cube.pbrt:1:1"));
+  EXPECT_THAT(refusal([](auto& r) {
+                for (const uint64_t frame : {1, 2, 3}) r.add_frames(frame);
+              }),
+              HasSubstr("found 3 frames of \"cornell.pbrt\""));
   EXPECT_THAT(refusal([](auto& r) { r.mutable_files(1)->set_path("../cube.pbrt"); }), HasSubstr("files.path"));
   EXPECT_THAT(refusal([](auto& r) { r.mutable_files(1)->set_path("/etc/passwd"); }), HasSubstr("files.path"));
   EXPECT_THAT(refusal([](auto& r) { r.mutable_files(1)->set_path("cornell.pbrt"); }), HasSubstr("given twice"));
