@@ -67,6 +67,12 @@ Copied copy_bytes(const std::string& from, const std::string& to) {
       done += written;
     }
   }
+  // A clean-up may have to go by it.
+  struct stat status {};
+  if (::fstat(in.get(), &status) == 0) {
+    const timespec times[2] = {status.st_atim, status.st_mtim};
+    ::futimens(out.get(), times);
+  }
   if (::fsync(out.get()) != 0) fail("fsync of " + to, errno);
   return Copied::Yes;
 }

@@ -104,6 +104,11 @@ std::optional<int64_t> BlobStore::size(const std::string& digest) const {
   }
   return file_size(path(digest));
 }
+std::optional<int64_t> BlobStore::written_unix_ms(const std::string& digest) const {
+  struct stat status {};
+  if (::stat(path(digest).c_str(), &status) != 0) return std::nullopt;
+  return int64_t{status.st_mtim.tv_sec} * 1000 + status.st_mtim.tv_nsec / 1'000'000;
+}
 bool BlobStore::contains(const std::string& digest) const { return size(digest).has_value(); }
 
 void BlobStore::pin(const std::string& digest, Time now) {
@@ -362,13 +367,15 @@ int64_t BlobStore::bytes(const DigestSet& referenced, const Warn& warn) const {
   return total;
 }
 
-size_t BlobStore::sweep(const DigestSet& referenced, const Mark& mark, const Warn& warn) {
+size_t BlobStore::sweep(const DigestSet& referenced, const Mark& mark, const Warn& warn, int64_t keep_before_unix_ms) {
   // Pins are not remembered over a restart: then everything counts as pinned when the coordinator started.
   if (mark.now - started_ < options_.pin) return 0;
   size_t removed = 0;
   each_blob(
       [&](const std::string& digest) {
-        if (!referenced.may_contain(digest)) removed += remove_unless_kept(digest, path(digest), mark);
+        if (referenced.may_contain(digest)) return;
+        if (keep_before_unix_ms > 0 && written_unix_ms(digest).value_or(0) < keep_before_unix_ms) return;
+        removed += remove_unless_kept(digest, path(digest), mark);
       },
       warn);
   for (const fs::path& path : names_in(options_.dir + "/uploads", warn)) removed += remove_unless_kept(path.stem(), path, mark);

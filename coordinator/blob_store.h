@@ -51,6 +51,8 @@ class BlobStore {
   bool contains(const std::string& digest) const;
   /// Size in bytes; nullopt if absent.
   std::optional<int64_t> size(const std::string& digest) const;
+  /// When its file was written, by the clock of the file system; nullopt if absent.
+  std::optional<int64_t> written_unix_ms(const std::string& digest) const;
   std::string path(const std::string& digest) const;
   /// A name in the folder of temporary files, which is on the same file system and made again if it has gone.
   std::string temporary(const std::string& name) const;
@@ -122,9 +124,10 @@ class BlobStore {
   Mark begin_mark(Time now);
   /// Removes blobs and partial uploads that are neither pinned nor held nor referenced, and forgets pins that are over; returns how many
   /// went. What was pinned or held at any time since `mark` stays: a row that refers to it may have come after one looked. What is not the
-  /// store's is left alone, what cannot be read is passed over and told to `warn`.
+  /// store's is left alone, what cannot be read is passed over and told to `warn`. Blobs that were written before `keep_before_unix_ms`
+  /// stay whatever refers to them.
   size_t sweep(
-      const DigestSet& referenced, const Mark& mark, const Warn& warn = [](const std::string&) {});
+      const DigestSet& referenced, const Mark& mark, const Warn& warn = [](const std::string&) {}, int64_t keep_before_unix_ms = 0);
   size_t sweep(const DigestSet& referenced, Time now) { return sweep(referenced, begin_mark(now)); }
   /// Bytes of the blobs that `referenced` has.
   int64_t bytes(

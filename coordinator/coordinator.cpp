@@ -65,10 +65,10 @@ void Coordinator::recover() {
   for (const LeaseRow& lease : leases) by_job[lease.task.job].push_back(lease);
   const Time now = options_.now();
   for (const std::string& id : running) {
-    std::optional<Job> job = store_->look([&](StoreSession& session) { return session.load_job(id); });
-    if (!job) continue;
-    store_->load_tasks(*job);
-    locked([&] { scheduler_->recover_job(std::move(*job), by_job[id], now); });
+    std::optional<LoadedJob> loaded = store_->load_job(id);
+    if (!loaded) continue;
+    store_->load_tasks(loaded->job);
+    locked([&] { scheduler_->recover_job(std::move(loaded->job), by_job[id], now); });
     by_job.erase(id);
   }
   for (const auto& [id, lost] : by_job)
@@ -280,7 +280,7 @@ void Coordinator::release(const std::string& id) {
     if (released) {
       std::vector<FrameCounts> frames;
       for (const Frame& frame : released->frames) frames.push_back(counts_of(*released, frame));
-      store_->write([id, summary = summary_of(*released), frames](StoreSession& session) { session.save_counts(id, summary, frames); });
+      store_->write_counts(id, summary_of(*released), frames);
     }
     return released;
   });

@@ -52,11 +52,16 @@ struct CoordinatorOptions {
   /// False: it works when it is called, and its owner calls the steps below; how much one transaction writes is the owner's as well.
   bool own_threads = true;
   size_t store_batch = 512;
+  /// Frames of a new job that one transaction writes: some milliseconds of the database.
+  size_t frames_a_step = 250;
 };
 
 /// CLOCK_BOOTTIME, in nanoseconds.
 Time boot_time();
 int64_t unix_time_ms();
+
+/// Throws RpcError kNotFound: there is no job of this id; kInvalidArgument where the id is empty.
+[[noreturn]] void fail_no_job(const std::string& id);
 
 class Coordinator {
  public:
@@ -182,6 +187,9 @@ class Coordinator {
   std::shared_ptr<const Job> stored(const std::string& id);
   void forget_stored();
   Job stored_with_tasks(const std::string& id);
+  /// Makes a new job durable, one of many frames in steps. False where an earlier request did. Throws RpcError.
+  bool insert_job(NewJob& rows);
+  bool insert_in_steps(NewJob& rows);
   void must_exist(const std::string& id);
   /// Runs `work` with the mutex held and the job in memory, read from the database where it has ended. Throws RpcError kNotFound.
   template <typename Work>
@@ -212,17 +220,25 @@ class Coordinator {
   bool stopping() const;
   /// A wall clock that does not jump ahead: what is counted in days must not go because of one.
   int64_t retention_unix_ms() const;
-  /// The digests that rows and manifests refer to. Nothing where a manifest cannot be read.
-  std::optional<DigestSet> referenced_digests();
+  /// What rows and manifests refer to, and since when that was looked for.
+  struct Referenced {
+    BlobStore::Mark mark;
+    DigestSet digests;
+    /// Of some scenes the list of files cannot be read: what was written before may be one of them. 0: all lists were read.
+    int64_t keep_before_unix_ms = 0;
+  };
+  Referenced find_referenced();
   /// True: nobody finds the job any more. False where it is in memory, or does not exist, or runs.
   bool take_out(const std::string& id);
   /// Deletes what is left of jobs that were taken out.
   void purge();
   void purge(const std::string& id);
   /// housekeeping_ held for these.
-  v1::RetainJobsResponse clean_up_alone();
-  v1::RetainJobsResponse apply_limits();
-  size_t remove_unreferenced();
+  /// With the bytes that jobs have where `measure` asks for them, or a limit does.
+  v1::RetainJobsResponse clean_up_alone(bool measure);
+  /// Replaces `referenced` where something went.
+  v1::RetainJobsResponse apply_limits(Referenced& referenced);
+  size_t remove_unreferenced(const Referenced& referenced);
 
   const CoordinatorOptions options_;
   BlobStore blobs_;

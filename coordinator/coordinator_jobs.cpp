@@ -15,9 +15,14 @@
 
 namespace woodcock::coordinator {
 
+void fail_no_job(const std::string& id) {
+  if (id.empty()) rpc::fail_invalid("job_id: found an empty text, expected the id of a job; `woodcock jobs` lists them");
+  rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
+}
+
 const Job& Coordinator::must_find(const std::string& id) const {
   const Job* job = scheduler_->find(id);
-  if (!job) rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
+  if (!job) fail_no_job(id);
   return *job;
 }
 
@@ -28,19 +33,15 @@ std::shared_ptr<const Job> Coordinator::stored(const std::string& id) {
     if (last_stored_ && last_stored_->spec.id == id) return last_stored_;
     seen = woken_;
   }
-  std::optional<JobSummary> summary;
-  std::optional<Job> found = store_->look([&](StoreSession& session) {
-    if (const std::optional<StoredJob> row = session.find_job(id)) summary = row->summary;
-    return session.load_job(id);
-  });
-  if (!found) rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
-  const auto job = std::make_shared<Job>(std::move(*found));
-  if (!summary) {
+  std::optional<LoadedJob> found = store_->load_job(id);
+  if (!found) fail_no_job(id);
+  const auto job = std::make_shared<Job>(std::move(found->job));
+  if (!found->counted) {
     store_->load_tasks(*job);
     std::vector<FrameCounts> frames;
     for (Frame& frame : job->frames) frames.push_back(static_cast<FrameCounts&>(frame) = counts_of(*job, frame));
     if (!has_ended(job->row.state)) return job;
-    store_->write([id, counted = summary_of(*job), frames](StoreSession& session) { session.save_counts(id, counted, frames); });
+    store_->write_counts(id, summary_of(*job), frames);
     for (Frame& frame : job->frames) frame.tasks = {};
   }
   const std::lock_guard lock(last_stored_mutex_);
@@ -55,15 +56,14 @@ void Coordinator::forget_stored() {
 }
 
 Job Coordinator::stored_with_tasks(const std::string& id) {
-  std::optional<Job> job = store_->look([&](StoreSession& session) { return session.load_job(id); });
-  if (!job) rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
-  store_->load_tasks(*job);
-  return std::move(*job);
+  std::optional<LoadedJob> loaded = store_->load_job(id);
+  if (!loaded) fail_no_job(id);
+  store_->load_tasks(loaded->job);
+  return std::move(loaded->job);
 }
 
 void Coordinator::must_exist(const std::string& id) {
-  if (!store_->look([&](StoreSession& session) { return session.find_job(id); }))
-    rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
+  if (!store_->look([&](StoreSession& session) { return session.find_job(id); })) fail_no_job(id);
 }
 
 namespace {
@@ -85,26 +85,76 @@ std::vector<std::string> jobs_to_wait_for(StoreSession& session, const std::vect
 
 }  // namespace
 
+bool Coordinator::insert_job(NewJob& rows) {
+  const JobSpec& spec = rows.spec;
+  // The database decides who was first.
+  std::optional<StoredJob> earlier;
+  bool being_deleted = false, being_submitted = false;
+  const auto is_first = [&](StoreSession& session) {
+    earlier = session.find_job(spec.id);
+    being_deleted = session.is_being_deleted(spec.id);
+    being_submitted = session.is_being_submitted(spec.id);
+    if (earlier || being_deleted || being_submitted) return false;
+    rows.spec.policy.waits_for = jobs_to_wait_for(session, spec.policy.after);
+    return true;
+  };
+  bool inserted = false;
+  if (rows.frames() <= options_.frames_a_step) {
+    inserted = store_->read([&](StoreSession& session) { return is_first(session) && session.insert_job(rows); });
+  } else {
+    // Who reads waits for a step, not for the whole job.
+    const bool begun = store_->read([&](StoreSession& session) {
+      const bool first = is_first(session);
+      if (first) session.begin_job(spec.id);
+      return first;
+    });
+    if (begun) inserted = insert_in_steps(rows);
+  }
+  if (inserted) return true;
+  const auto ask_again = [&](const char* what) {
+    throw rpc::RpcError(rpc::Code::kUnavailable, "the job of request id " + spec.request_id + " is just being " + what + "; submit again");
+  };
+  if (being_deleted) ask_again("deleted");
+  if (being_submitted) ask_again("submitted");
+  if (!earlier || earlier->spec.request_digest != spec.request_digest)
+    throw rpc::RpcError(rpc::Code::kAlreadyExists, "request id " + spec.request_id + " was used for another submit; make a new one");
+  return false;
+}
+
+bool Coordinator::insert_in_steps(NewJob& rows) {
+  const auto give_up = [&] {
+    store_->write([id = rows.spec.id](StoreSession& session) { session.give_job_up(id); });
+    {
+      const std::lock_guard lock(mutex_);
+      to_purge_ = true;
+    }
+    wake_housekeeper_.notify_all();
+  };
+  try {
+    for (size_t next = 0; next < rows.frames();) {
+      next = store_->read([&](StoreSession& session) { return session.insert_frames(rows, next, options_.frames_a_step); });
+      options_.failpoint("frames-written");  // some or all frames of a job are durable, the job is not there
+    }
+    const bool inserted = store_->read([&](StoreSession& session) {
+      rows.spec.policy.waits_for = jobs_to_wait_for(session, rows.spec.policy.after);
+      return session.insert_job(rows, rows.frames());
+    });
+    if (!inserted) give_up();
+    return inserted;
+  } catch (...) {
+    give_up();
+    throw;
+  }
+}
+
 v1::SubmitJobResponse Coordinator::submit(const v1::SubmitJobRequest& request) {
   if (store_->backlog() > options_.max_backlog) rpc::fail_exhausted("the coordinator's database is behind; submit again later");
   if (const std::string shortage = blobs_.shortage(); !shortage.empty()) rpc::fail_exhausted(shortage);
   BlobStore::Hold hold(blobs_);
   const JobSpec spec = check_submit(request, blobs_, hold, options_.now(), options_.unix_ms());
-  // The database decides who was first, and has the job before anybody renders it.
+  // The database has the job before anybody renders it.
   NewJob rows(spec);
-  std::optional<StoredJob> earlier;
-  bool being_deleted = false;
-  const bool repeated = store_->read([&](StoreSession& session) {
-    earlier = session.find_job(spec.id);
-    being_deleted = session.is_being_deleted(spec.id);
-    if (earlier || being_deleted) return true;
-    rows.spec.policy.waits_for = jobs_to_wait_for(session, spec.policy.after);
-    return !session.insert_job(rows);
-  });
-  if (being_deleted)
-    throw rpc::RpcError(rpc::Code::kUnavailable, "the job of request id " + spec.request_id + " is just being deleted; submit again");
-  if (repeated && (!earlier || earlier->spec.request_digest != spec.request_digest))
-    throw rpc::RpcError(rpc::Code::kAlreadyExists, "request id " + spec.request_id + " was used for another submit; make a new one");
+  const bool repeated = !insert_job(rows);
   if (!repeated) {
     options_.failpoint("job-inserted");  // durable, who submitted it does not know
     Job job = make_job(std::move(rows.spec));

@@ -72,7 +72,7 @@ void Coordinator::while_running(const std::string& id, Work work) {
   });
   if (here) return;
   const std::optional<StoredJob> row = store_->look([&](StoreSession& session) { return session.find_job(id); });
-  if (!row) rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
+  if (!row) fail_no_job(id);
   rpc::fail_precondition("job " + id + " has ended: " + to_string(row->row.state));
 }
 

@@ -23,6 +23,8 @@ constexpr int kRowsAStep = 1000;
 constexpr int kListedJobs = 1000;
 constexpr std::chrono::seconds kUntilReleased{10}, kUntilClean{5};
 constexpr Time kBetweenCleanUps = 600 * kSecond;
+/// How far the clocks of a job's submit and of its files' writing may differ.
+constexpr int64_t kClockMarginMs = 86'400'000;
 
 }  // namespace
 
@@ -58,7 +60,7 @@ void Coordinator::remove(const std::string& id, bool cancel) {
     }
     if (!state) {
       const std::optional<StoredJob> row = store_->look([&](StoreSession& session) { return session.find_job(id); });
-      if (!row) rpc::fail_not_found("there is no job " + id.substr(0, 64) + "; `woodcock jobs` lists them");
+      if (!row) fail_no_job(id);
       state = row->row.state;
     }
     if (!has_ended(*state))
@@ -90,38 +92,41 @@ void Coordinator::purge() {
   }
 }
 
-std::optional<DigestSet> Coordinator::referenced_digests() {
-  DigestSet referenced;
-  store_->each_digest([&](const std::string& digest) { referenced.add(digest); });
+Coordinator::Referenced Coordinator::find_referenced() {
+  Referenced found{blobs_.begin_mark(options_.now()), {}, 0};
+  store_->each_digest([&](const std::string& digest) { found.digests.add(digest); });
+  int64_t unread = 0;
+  std::string first_error;
   for (const std::string& digest : store_->look([](StoreSession& session) { return session.manifests(); })) {
-    try {
-      referenced.add(digest);
-      const v1::SceneManifest manifest = rpc::parse_manifest(blobs_.read(digest, rpc::kMaxManifestBytes));
-      for (const v1::SceneFile& file : manifest.files()) referenced.add(file.content_digest());
-    } catch (const std::exception& error) {
-      spdlog::error("manifest {} cannot be read: {}", digest, error.what());
-      return std::nullopt;
-    }
+    found.digests.add(digest);
+    v1::SceneManifest manifest;
+    const auto error = rpc::failure_of([&] { manifest = rpc::parse_manifest(blobs_.read(digest, rpc::kMaxManifestBytes)); });
+    for (const v1::SceneFile& file : manifest.files()) found.digests.add(file.content_digest());
+    if (!error) continue;
+    // Its files are unknown, and were here when a job with it was submitted. A job that is on its way holds its own.
+    const auto submitted = store_->look([&](StoreSession& session) { return session.last_submit_with_manifest(digest); });
+    if (!submitted) continue;
+    const int64_t written = blobs_.written_unix_ms(digest).value_or(0);
+    found.keep_before_unix_ms = std::max(found.keep_before_unix_ms, std::max(*submitted, written) + kClockMarginMs);
+    if (unread++ == 0) first_error = *error;
   }
-  referenced.sort();
-  return referenced;
+  if (unread > 0)
+    spdlog::error("clean-up: the lists of files of {} scenes cannot be read, so that files as old as these scenes stay; the first: {}",
+                  unread, first_error);
+  found.digests.sort();
+  return found;
 }
 
 size_t Coordinator::sweep() {
   const std::lock_guard one_at_a_time(housekeeping_);
-  return remove_unreferenced();
+  return remove_unreferenced(find_referenced());
 }
 
-size_t Coordinator::remove_unreferenced() {
-  const BlobStore::Mark mark = blobs_.begin_mark(options_.now());
-  const std::optional<DigestSet> referenced = referenced_digests();
-  // What an unreadable manifest lists is unknown: nothing may be removed.
-  if (!referenced) {
-    spdlog::error("clean-up skipped");
-    return 0;
-  }
+size_t Coordinator::remove_unreferenced(const Referenced& referenced) {
   options_.failpoint("marked");  // a clean-up knows what is referred to, and has removed nothing
-  return blobs_.sweep(*referenced, mark, [](const std::string& warning) { spdlog::warn("clean-up: {}", warning); });
+  return blobs_.sweep(
+      referenced.digests, referenced.mark, [](const std::string& warning) { spdlog::warn("clean-up: {}", warning); },
+      referenced.keep_before_unix_ms);
 }
 
 namespace {
@@ -140,21 +145,19 @@ void fill(v1::RetainJobsResponse& response, const RetiredJob& job) {
 
 }  // namespace
 
-v1::RetainJobsResponse Coordinator::apply_limits() {
+v1::RetainJobsResponse Coordinator::apply_limits(Referenced& referenced) {
   v1::RetainJobsResponse response;
-  response.set_keep_seconds(options_.retention.keep_seconds);
-  response.set_keep_bytes(options_.retention.keep_bytes);
-  if (!options_.retention.any()) return response;
-  const std::optional<DigestSet> referenced = referenced_digests();
-  if (!referenced) return response;  // sizes are unknown
   const RetentionOptions options{options_.retention, retention_unix_ms(), options_.pin / 1'000'000, false};
-  RetentionPlan plan(*store_, blobs_, options, blobs_.bytes(*referenced));
+  RetentionPlan plan(*store_, blobs_, options, blobs_.bytes(referenced.digests));
   response.set_bytes_before(plan.bytes());
+  bool changed = false;
   const auto free_unused = [&](int64_t until_ms) {
     const int64_t before = store_->look([](StoreSession& session) { return session.unused_bytes(); });
     while (!stopping() && store_->read([&](StoreSession& session) { return session.delete_unused(until_ms, kRowsAStep); }) == kRowsAStep)
       continue;
-    plan.free_unused(before - store_->look([](StoreSession& session) { return session.unused_bytes(); }));
+    const int64_t freed = before - store_->look([](StoreSession& session) { return session.unused_bytes(); });
+    changed = changed || freed > 0;
+    plan.free_unused(freed);
   };
   if (options.limits.keep_seconds > 0) free_unused(options.unix_ms - 1000 * options.limits.keep_seconds);
   if (plan.over_size()) free_unused(options.unix_ms);
@@ -169,21 +172,27 @@ v1::RetainJobsResponse Coordinator::apply_limits() {
                  job->cause == RetentionCause::Age ? "it ended longer ago than jobs are kept" : "jobs have more bytes than are kept");
   }
   response.set_bytes_after(plan.bytes());
+  if (changed || response.jobs_total() > 0) referenced = find_referenced();
   return response;
 }
 
 v1::RetainJobsResponse Coordinator::clean_up() {
   const std::lock_guard one_at_a_time(housekeeping_);
-  return clean_up_alone();
+  return clean_up_alone(false);
 }
 
-v1::RetainJobsResponse Coordinator::clean_up_alone() {
+v1::RetainJobsResponse Coordinator::clean_up_alone(bool measure) {
   // Shown is what is counted: jobs that nobody has asked for since.
   for (const std::string& id : store_->look([](StoreSession& session) { return session.jobs_without_counts(100); }))
     if (const auto error = rpc::failure_of([&] { stored(id); })) spdlog::warn("job {} is not counted: {}", id, *error);
   purge();
-  v1::RetainJobsResponse went = apply_limits();
-  if (const size_t removed = remove_unreferenced(); removed > 0) spdlog::info("clean-up removed {} files", removed);
+  Referenced referenced = find_referenced();
+  v1::RetainJobsResponse went;
+  // The size of every file is asked for only where somebody wants to know.
+  if (measure || options_.retention.any()) went = apply_limits(referenced);
+  went.set_keep_seconds(options_.retention.keep_seconds);
+  went.set_keep_bytes(options_.retention.keep_bytes);
+  if (const size_t removed = remove_unreferenced(referenced); removed > 0) spdlog::info("clean-up removed {} files", removed);
   return went;
 }
 
@@ -196,14 +205,12 @@ v1::RetainJobsResponse Coordinator::retain(const v1::RetainJobsRequest& request)
   }
   const std::unique_lock one_at_a_time(housekeeping_, kUntilClean);
   if (!one_at_a_time) throw rpc::RpcError(rpc::Code::kUnavailable, "a clean-up or a back-up is under way; ask again");
-  if (!request.dry_run()) return clean_up_alone();
+  if (!request.dry_run()) return clean_up_alone(true);
   // What was deleted before does not count.
   purge();
   RetentionOptions options{options_.retention, retention_unix_ms(), options_.pin / 1'000'000, true};
   if (!own) options.limits = {request.keep_seconds(), request.keep_bytes()};
-  const std::optional<DigestSet> referenced = referenced_digests();
-  if (!referenced) rpc::fail_precondition("the list of a scene's files cannot be read, see the coordinator's log: nothing is cleaned up");
-  RetentionPlan plan(*store_, blobs_, options, blobs_.bytes(*referenced));
+  RetentionPlan plan(*store_, blobs_, options, blobs_.bytes(find_referenced().digests));
   v1::RetainJobsResponse response;
   response.set_keep_seconds(options.limits.keep_seconds);
   response.set_keep_bytes(options.limits.keep_bytes);

@@ -153,6 +153,14 @@ void restore(Frame& frame, const SettledTask& row) {
   if (row.state == TaskState::GivenUp) frame.give_up(row.number, row.error);
 }
 
+void restore_done(Frame& frame, int64_t number) {
+  if (number >= frame.tasks.size() || frame.tasks.state(number) != TaskState::Open) return;
+  frame.tasks.settle(number, TaskState::Done);
+  --frame.unsettled;
+  ++frame.done;
+  frame.samples_done = capped_sum(frame.samples_done, frame.tasks.area(number).samples());
+}
+
 FrameCounts counts_of(const Job& job, const Frame& frame) {
   FrameCounts counts = frame;
   if (job.spec.target && frame.tasks.size() > 0) {

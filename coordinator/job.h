@@ -115,6 +115,9 @@ void lay_out(const JobSpec& job, Frame& frame, std::vector<SplitRow> splits);
 /// Counts a settled task of a frame that is laid out. Splits are part of the layout, and rows of tasks that the frame has not are ignored.
 void restore(Frame& frame, const SettledTask& row);
 
+/// The same for one that is done, without what it cost. Nothing where it is settled already.
+void restore_done(Frame& frame, int64_t number);
+
 /// The frame's counts as they are kept: with its closed blocks.
 FrameCounts counts_of(const Job& job, const Frame& frame);
 JobSummary summary_of(const Job& job);

@@ -89,8 +89,10 @@ void Scheduler::recover_job(Job recovered, const std::vector<LeaseRow>& leases, 
   Job& job = insert(std::move(recovered));
   if (job.row.last_event == 0) log(id, EventKind::Submitted, {}, "", "", job.spec.name);
   wait_for_jobs(job);
-  for (const Frame& frame : job.frames) {
+  for (Frame& frame : job.frames) {
     job.leased_ever = job.leased_ever || frame.row.pinned;
+    // That it began is not written: it was leased when it was pinned.
+    if (frame.row.pinned && frame.row.state == FrameState::Queued) frame.row.state = FrameState::Running;
     if (frame.unsettled > 0 && !has_ended(frame.row.state)) set_ready(job, frame);
   }
   for (const LeaseRow& row : leases) {

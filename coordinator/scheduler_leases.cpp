@@ -81,6 +81,7 @@ void Scheduler::requeue(const TaskRef& ref) {
 void Scheduler::hold(Lease lease, Worker& worker, double paths) {
   const Place place = place_of(lease.task);
   ActiveTask& task = place.frame->active[lease.task.number];
+  if (place.frame->row.state == FrameState::Queued) place.frame->row.state = FrameState::Running;
   task.epoch = std::max(task.epoch, lease.epoch);
   task.leases.push_back(lease.id);
   lease.threads = worker.last.threads;
@@ -402,7 +403,6 @@ void Scheduler::lease(const TaskRef& ref, const std::string& worker_id, Worker& 
   actions_.push_back(action::SaveLease{{lease.id, ref, worker_id, lease.epoch}});
   log(ref.job, copy ? EventKind::StragglerCopied : EventKind::LeaseGranted, frame.spec.header.frame, to_string(ref), worker_id, "");
   hold(std::move(lease), worker, static_cast<double>(frame.tasks.area(ref.number).samples()));
-  if (frame.row.state == FrameState::Queued) frame.row.state = FrameState::Running;
   if (!job.leased_ever) {
     job.leased_ever = true;
     update_job(job);

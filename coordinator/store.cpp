@@ -77,6 +77,8 @@ const std::vector<std::vector<const char*>> kUpgrades{
      "create index jobs_ended on jobs (ended_ms, job_id) where state >= 4", "create index frames_by_image on frames (image_digest)",
      "create index frames_by_manifest on frames (manifest_digest)", "create table deletions (job_id text primary key)"},
     {"alter table jobs add column policy text not null default ''"},
+    // Frames of a large job are written before it.
+    {"create table submissions (job_id text primary key)"},
 };
 
 [[noreturn]] void refuse(const std::string& message) { throw std::runtime_error(message); }
@@ -139,6 +141,9 @@ Store::Store(const StoreOptions& options) : options_(options) {
     for (; version < newest; ++version)
       for (const char* statement : kUpgrades[static_cast<size_t>(version) - 1]) sql << statement;
     sql << "update schema_version set version = :v", soci::use(version);
+    // Jobs that were being submitted when the program ended: whoever did so was told nothing.
+    sql << "delete from frames where job_id in (select job_id from submissions)";
+    sql << "delete from submissions";
     long long term = 0;
     sql << "update leader set term = term + 1, address = :a where id = 1", soci::use(options.address);
     sql << "select term, cluster_id from leader where id = 1", soci::into(term), soci::into(cluster_id_);

@@ -34,6 +34,8 @@ struct NewJob {
   JobSpec spec;
   std::string settings;
   std::vector<std::string> headers;  ///< of its frames
+
+  size_t frames() const { return headers.size(); }
 };
 
 /// A job's row.
@@ -41,6 +43,18 @@ struct StoredJob {
   JobSpec spec;  ///< without frames
   JobRow row;
   std::optional<JobSummary> summary;  ///< of a job that has ended
+};
+
+/// A job with its frames, without tasks.
+struct LoadedJob {
+  Job job;
+  bool counted = false;  ///< it has ended, and its frames have their counts as they were kept
+};
+
+/// Which tasks of a job are done, or settled otherwise, and what those that are done cost.
+struct DoneTasks {
+  std::vector<std::pair<int, int64_t>> numbers;    ///< frame and number, in this order
+  std::vector<std::pair<int, FrameCounts>> costs;  ///< sums of a frame: processor time and health
 };
 
 /// Of a row: a text and two numbers, those that its table has.
@@ -61,13 +75,23 @@ class StoreSession {
   explicit StoreSession(soci::session& sql) : sql_(sql) {}
 
   // Jobs and frames.
-  /// Nothing when its id or request id is taken, or while the rows of a job of this id are still going: then returns false.
-  bool insert_job(const NewJob& job);
+  /// With its frames from `first` on: those before were inserted. Nothing when its id or request id is taken, or while the rows of a job
+  /// of this id are still going: then returns false.
+  bool insert_job(const NewJob& job, size_t first = 0);
   bool insert_job(const JobSpec& job) { return insert_job(NewJob(job)); }
+  // The frames of a large job come before it, in transactions of their own: nobody finds frames without a job, and `submissions`
+  // remembers them until it is there. What a crash leaves of them goes at the next start.
+  void begin_job(const std::string& job_id);
+  bool is_being_submitted(const std::string& job_id);
+  /// At most `limit`, from `first` on. Returns which comes next.
+  size_t insert_frames(const NewJob& job, size_t first, size_t limit);
+  /// The job does not come: its frames are to be deleted.
+  void give_job_up(const std::string& job_id);
   void save_job(const std::string& job_id, const JobAim& aim, const JobRow& row);
   void save_frame(const std::string& job_id, int frame, const FrameRow& row);
-  /// Of a job that has ended: what it shows.
-  void save_counts(const std::string& job_id, const JobSummary& summary, const std::vector<FrameCounts>& frames);
+  /// Of a job that has ended: what it shows. Its frames' counts first.
+  void save_frame_counts(const std::string& job_id, size_t first, const std::vector<FrameCounts>& frames);
+  void save_summary(const std::string& job_id, const JobSummary& summary);
   /// A job that has ended is counted anew when it is shown.
   void forget_counts(const std::string& job_id);
   std::optional<StoredJob> find_job(const std::string& job_id);
@@ -77,8 +101,10 @@ class StoreSession {
   std::vector<std::string> running_jobs();
   /// Some that ended under an older program, or in a crash, or whose counts were forgotten.
   std::vector<std::string> jobs_without_counts(int limit);
-  /// With its frames and, where they are kept, their counts; without tasks.
-  std::optional<Job> load_job(const std::string& job_id);
+  /// Without frames.
+  std::optional<LoadedJob> load_job(const std::string& job_id);
+  /// Adds the next frames, at most `limit`. Returns whether there may be more.
+  bool load_frames(LoadedJob& loaded, int limit);
 
   // Jobs that go. A job is taken out in one transaction, and its other rows in steps; `deletions` remembers it until the last is gone.
   /// True: nobody finds the job any more. False where there is no such job, or it has not ended.
@@ -97,6 +123,8 @@ class StoreSession {
   int64_t uses_of_result(const std::string& key);
   int64_t frames_with_image(const std::string& digest);
   int64_t frames_with_manifest(const std::string& digest);
+  /// When the last job was submitted that has a frame with this manifest; nothing where none is there.
+  std::optional<int64_t> last_submit_with_manifest(const std::string& digest);
   /// Image, its bytes, and manifest of the frames of a job, from one on, at most `limit`.
   struct FrameBlobs {
     int frame = 0;
@@ -118,6 +146,8 @@ class StoreSession {
   std::optional<SettledTask> settled(const TaskRef& task);
   /// At most `limit` that settled, in this state or in any, from a task on, by frame and number: of all frames, or of its own.
   std::vector<SettledTask> settled_from(const TaskRef& from, std::optional<TaskState> state, bool one_frame, int limit);
+  /// Of the frames from `first` to `last`; where that is one frame, of its tasks from `from` on and before `to`.
+  DoneTasks done_tasks(const std::string& job_id, int first, int last, int64_t from, int64_t to);
   /// Of all frames of a job.
   std::vector<SplitRow> splits(const std::string& job_id);
   void add_attempt(const TaskRef& task, const AttemptRecord& attempt);
@@ -200,6 +230,10 @@ class Store {
   /// Copies the database to a new file, some pages after each transaction, and waits for it: the copy is the database as it was at one
   /// moment of the call. Throws std::runtime_error. Not for the store's own thread.
   void copy_to(const std::string& path);
+  /// Reads a job and its frames in pages, so that others are served in between. Nothing where there is none, or it went meanwhile.
+  std::optional<LoadedJob> load_job(const std::string& job_id);
+  /// Queues what a job that has ended shows, some frames at a time.
+  void write_counts(const std::string& job_id, const JobSummary& summary, const std::vector<FrameCounts>& frames);
   /// Lays out the tasks of a job anew, and restores what is settled of them.
   void load_tasks(Job& job);
   /// The same as `flush`, as an operation of its own.

@@ -4,6 +4,7 @@
 #include <google/protobuf/util/json_util.h>
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <charconv>
 #include <stdexcept>
 
@@ -100,7 +101,7 @@ NewJob::NewJob(const JobSpec& job) : spec(job), settings(to_json(rpc::to_wire(jo
   for (const FrameSpec& frame : job.frames) headers.push_back(to_json(rpc::to_wire(frame.header)));
 }
 
-bool StoreSession::insert_job(const NewJob& job) {
+bool StoreSession::insert_job(const NewJob& job, size_t first) {
   const JobSpec& spec = job.spec;
   if (is_being_deleted(spec.id)) return false;
   const std::string rounds = rounds_text(spec.rounds), target = target_text(spec), quote = quote_text(spec.quote);
@@ -114,20 +115,40 @@ bool StoreSession::insert_job(const NewJob& job) {
        use(spec.id), use(spec.request_id), use(spec.request_digest), use(spec.name), use(job.settings), use(tile), use(length), use(rounds),
        use(priority), use(submitted), use(target), use(quote), use(policy)));
   if (inserted != 1) return false;
+  insert_frames(job, first, job.frames());
+  if (first > 0) sql_ << "delete from submissions where job_id = :id", use(spec.id);
+  return true;
+}
+
+void StoreSession::begin_job(const std::string& job_id) { sql_ << "insert into submissions (job_id) values (:id)", use(job_id); }
+
+bool StoreSession::is_being_submitted(const std::string& job_id) {
+  int rows = 0;
+  sql_ << "select count(*) from submissions where job_id = :id", use(job_id), into(rows);
+  return rows > 0;
+}
+
+size_t StoreSession::insert_frames(const NewJob& job, size_t first, size_t limit) {
+  const size_t end = first + std::min(limit, job.frames() - first);
   Integer index = 0;
   std::string header, manifest, scene;
   soci::statement insert = (sql_.prepare << "insert into frames (job_id, frame, header, manifest_digest, scene_file, pinned, build, class, "
                                             "state, image_digest, image_bytes,"
                                             " statistics, reason) values (:id, :f, :h, :m, :s, 0, '', '', 0, '', 0, '', '')",
-                            use(spec.id), use(index), use(header), use(manifest), use(scene));
-  for (const FrameSpec& frame : spec.frames) {
-    header = job.headers[static_cast<size_t>(index)];
-    manifest = frame.manifest_digest;
-    scene = frame.scene_file;
+                            use(job.spec.id), use(index), use(header), use(manifest), use(scene));
+  for (size_t i = first; i < end; ++i) {
+    index = static_cast<Integer>(i);
+    header = job.headers[i];
+    manifest = job.spec.frames[i].manifest_digest;
+    scene = job.spec.frames[i].scene_file;
     insert.execute(true);
-    ++index;
   }
-  return true;
+  return end;
+}
+
+void StoreSession::give_job_up(const std::string& job_id) {
+  sql_ << "insert into deletions (job_id) select job_id from submissions where job_id = :id", use(job_id);
+  sql_ << "delete from submissions where job_id = :id", use(job_id);
 }
 
 void StoreSession::save_job(const std::string& job_id, const JobAim& aim, const JobRow& row) {
@@ -151,10 +172,8 @@ void StoreSession::save_frame(const std::string& job_id, int frame, const FrameR
       use(row.reason), use(passes), use(job_id), use(index);
 }
 
-void StoreSession::save_counts(const std::string& job_id, const JobSummary& summary, const std::vector<FrameCounts>& frames) {
-  const std::string text = to_json(summary);
-  sql_ << "update jobs set summary = :s where job_id = :id", use(text), use(job_id);
-  Integer index = 0;
+void StoreSession::save_frame_counts(const std::string& job_id, size_t first, const std::vector<FrameCounts>& frames) {
+  auto index = static_cast<Integer>(first);
   std::string counts;
   soci::statement update =
       (sql_.prepare << "update frames set counts = :c where job_id = :id and frame = :f", use(counts), use(job_id), use(index));
@@ -163,6 +182,11 @@ void StoreSession::save_counts(const std::string& job_id, const JobSummary& summ
     update.execute(true);
     ++index;
   }
+}
+
+void StoreSession::save_summary(const std::string& job_id, const JobSummary& summary) {
+  const std::string text = to_json(summary);
+  sql_ << "update jobs set summary = :s where job_id = :id", use(text), use(job_id);
 }
 
 void StoreSession::forget_counts(const std::string& job_id) { sql_ << "update jobs set summary = '' where job_id = :id", use(job_id); }
@@ -238,16 +262,25 @@ void StoreSession::load_failures(const Job& job, Frame& frame) {
     if (task.number < laid_out.tasks.size()) frame.failures.emplace(task.number, FailedTask{laid_out.tasks.area(task.number), task.error});
 }
 
-std::optional<Job> StoreSession::load_job(const std::string& job_id) {
+std::optional<LoadedJob> StoreSession::load_job(const std::string& job_id) {
   std::optional<StoredJob> stored = find_job(job_id);
   if (!stored) return std::nullopt;
-  Job job;
-  job.spec = std::move(stored->spec);
-  job.row = stored->row;
+  LoadedJob loaded;
+  loaded.job.spec = std::move(stored->spec);
+  loaded.job.row = stored->row;
+  loaded.counted = stored->summary.has_value();
+  return loaded;
+}
+
+bool StoreSession::load_frames(LoadedJob& loaded, int limit) {
+  Job& job = loaded.job;
+  const size_t before = job.frames.size();
+  const auto first = static_cast<Integer>(before);
+  const Integer count = limit;
   const soci::rowset<soci::row> rows =
       (sql_.prepare << "select header, manifest_digest, scene_file, pinned, build, class, state, image_digest, image_bytes, statistics,"
-                       " reason, passes, counts from frames where job_id = :j order by frame",
-       use(job_id));
+                       " reason, passes, counts from frames where job_id = :j and frame >= :f order by frame limit :l",
+       use(job.spec.id), use(first), use(count));
   for (const soci::row& r : rows) {
     Frame& frame = job.frames.emplace_back();
     frame.spec = {rpc::from_wire(from_json<v1::FrameHeader>(r.get<std::string>(0))), r.get<std::string>(1), r.get<std::string>(2)};
@@ -261,12 +294,40 @@ std::optional<Job> StoreSession::load_job(const std::string& job_id) {
     if (const auto text = r.get<std::string>(9); !text.empty()) row.statistics = statistics_from_json(text);
     row.reason = r.get<std::string>(10);
     row.passes = parse_passes(r.get<std::string>(11), frame.spec.header.bounds);
-    if (const auto text = r.get<std::string>(12); stored->summary && !text.empty()) {
+    if (const auto text = r.get<std::string>(12); loaded.counted && !text.empty()) {
       static_cast<FrameCounts&>(frame) = counts_from_json(text);
       if (frame.given_up > 0) load_failures(job, frame);
     }
   }
-  return job;
+  return job.frames.size() == before + static_cast<size_t>(limit);
+}
+
+std::optional<LoadedJob> Store::load_job(const std::string& job_id) {
+  constexpr int kPage = 200;
+  std::optional<LoadedJob> loaded;
+  bool more = look([&](StoreSession& session) {
+    loaded = session.load_job(job_id);
+    return loaded && session.load_frames(*loaded, kPage);
+  });
+  while (more) {
+    more = look([&](StoreSession& session) {
+      const bool full = session.load_frames(*loaded, kPage);
+      if (!session.find_job(job_id)) loaded.reset();
+      return full && loaded;
+    });
+  }
+  return loaded;
+}
+
+void Store::write_counts(const std::string& job_id, const JobSummary& summary, const std::vector<FrameCounts>& frames) {
+  constexpr size_t kPage = 500;
+  for (size_t first = 0; first < frames.size(); first += kPage) {
+    const auto begin = frames.begin() + static_cast<std::ptrdiff_t>(first);
+    std::vector<FrameCounts> page(begin, begin + static_cast<std::ptrdiff_t>(std::min(kPage, frames.size() - first)));
+    write([job_id, first, page = std::move(page)](StoreSession& session) { session.save_frame_counts(job_id, first, page); });
+  }
+  // Last: with it all is told.
+  write([job_id, summary](StoreSession& session) { session.save_summary(job_id, summary); });
 }
 
 void Store::each_settled(TaskRef from, std::optional<TaskState> state, bool one_frame,
@@ -278,22 +339,6 @@ void Store::each_settled(TaskRef from, std::optional<TaskState> state, bool one_
     more = page.size() == kPage;
     if (more) from = {from.job, page.back().frame, page.back().number + 1};
   }
-}
-
-void Store::load_tasks(Job& job) {
-  std::vector<std::vector<SplitRow>> splits(job.frames.size());
-  for (const SplitRow& row : look([&](StoreSession& session) { return session.splits(job.spec.id); }))
-    splits.at(static_cast<size_t>(row.frame)).push_back(row);
-  for (size_t i = 0; i < job.frames.size(); ++i) {
-    Frame& frame = job.frames[i];
-    static_cast<FrameCounts&>(frame) = {};
-    frame.failures.clear();
-    frame.tasks = {};
-    frame.splits = 0;
-    lay_out(job.spec, frame, std::move(splits[i]));
-  }
-  each_settled({job.spec.id, 0, 0}, {}, false,
-               [&](const SettledTask& row) { restore(job.frames.at(static_cast<size_t>(row.frame)), row); });
 }
 
 }  // namespace woodcock::coordinator

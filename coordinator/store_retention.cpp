@@ -135,6 +135,14 @@ int64_t StoreSession::frames_with_manifest(const std::string& digest) {
   return frames;
 }
 
+std::optional<int64_t> StoreSession::last_submit_with_manifest(const std::string& digest) {
+  Integer ms = 0;
+  soci::indicator known = soci::i_null;
+  sql_ << "select max(submitted_ms) from jobs where job_id in (select job_id from frames where manifest_digest = :d)", use(digest),
+      into(ms, known);
+  return known == soci::i_ok ? std::optional<int64_t>(ms) : std::nullopt;
+}
+
 std::vector<StoreSession::FrameBlobs> StoreSession::frame_blobs(const std::string& job_id, int from, int limit) {
   const Integer first = from, count = limit;
   const soci::rowset<soci::row> rows =

@@ -16,7 +16,7 @@ namespace {
 
 TEST(Coordinator, F30APreviewShowsTheFirstSamplesThatThereAre) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   struct Stage {
     int tasks;
     int64_t samples, missing;
@@ -50,7 +50,7 @@ TEST(Coordinator, F30APreviewShowsTheFirstSamplesThatThereAre) {
 /// A job that clients can watch by gRPC.
 struct WatchedJob {
   const TemporaryFolder folder;
-  CoordinatorWorld world{folder.path};
+  CoordinatorWorld world{folder.path()};
   const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
   CoordinatorServer server{*world.coordinator, "127.0.0.1:0"};
   const std::unique_ptr<v1::JobsService::Stub> stub = v1::JobsService::NewStub(rpc::make_channel(server.address()));
@@ -100,7 +100,7 @@ TEST(Coordinator, AWatcherIsToldWhenTheCoordinatorStops) {
 
 TEST(Coordinator, F03TheExtensionOfARunningJobSurvivesARestart) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
   EXPECT_EQ(world.work("w1", 1), 1);
   EXPECT_EQ(world.coordinator->extend(id, 12, {}).settings().samples(), 12);
@@ -115,7 +115,7 @@ TEST(Coordinator, F03TheExtensionOfARunningJobSurvivesARestart) {
 TEST(Coordinator, F24AnAlarmBesideAnExtensionIsAnEventOfItsOwn) {
   const TemporaryFolder folder;
   bool threads = true;
-  CoordinatorWorld world(folder.path, [&threads](CoordinatorOptions& options) { options.own_threads = threads; });
+  CoordinatorWorld world(folder.path(), [&threads](CoordinatorOptions& options) { options.own_threads = threads; });
   const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
   EXPECT_EQ(world.work("w1"), 4);
   EXPECT_EQ(world.wait_until_ended(id).state(), v1::JOB_STATE_DONE);
@@ -151,7 +151,7 @@ TEST(Coordinator, F24AnAlarmBesideAnExtensionIsAnEventOfItsOwn) {
 
 TEST(Coordinator, F34AFrameOfABuildThatIsGoneStartsAgainWhenAsked) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = world.coordinator->submit(world.request("r1", 12)).job_id();
   EXPECT_EQ(world.work("old", 3), 3);
   EXPECT_THROW(world.coordinator->repin(id), rpc::RpcError) << "its worker is there";
@@ -173,7 +173,7 @@ TEST(Coordinator, F34AFrameOfABuildThatIsGoneStartsAgainWhenAsked) {
 
 TEST(Coordinator, F34AFrameOfABuildThatIsGoneStartsAgainByItselfWhereThatIsAllowed) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path, [](CoordinatorOptions& options) { options.scheduler.repin_after = 200 * kSecond; });
+  CoordinatorWorld world(folder.path(), [](CoordinatorOptions& options) { options.scheduler.repin_after = 200 * kSecond; });
   const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
   EXPECT_EQ(world.work("old", 3), 3);
   world.now += 120 * kSecond;

@@ -3,6 +3,7 @@
 #include <signal.h>
 
 #include <array>
+#include <fstream>
 #include <set>
 
 #include "coordinator/failpoint.h"
@@ -47,11 +48,32 @@ constexpr std::array kKills{"upload-written@4", "upload-synced@4",  "upload-rena
                             "image-renamed@1",  "after-publish@1",  "after-frame-row@1"};
 INSTANTIATE_TEST_SUITE_P(Service, CoordinatorKilledAt, ::testing::ValuesIn(kKills));
 
+class CoordinatorKilledInASubmit : public ServiceTest {};
+
+TEST_F(CoordinatorKilledInASubmit, F03AJobOfManyFramesIsThereWholeOrNotAtAll) {
+  start_coordinator(3, 0, {"--test-hook", "frames-written@2"});
+  const std::string scene = contents(kSphere);
+  for (int frame = 1; frame <= 600; ++frame) {
+    const std::string number = std::to_string(frame);
+    std::ofstream(path("shot." + std::string(3 - number.size(), '0') + number + ".pbrt")) << scene << "# " << number << "\n";
+  }
+  const auto submit = woodcock_in_background({"submit", path("shot.###.pbrt"), "--frames", "1-600", "--spp", "1", "--resolution", "8x8"});
+  ASSERT_EQ(coordinator_->wait(kPatience), 128 + SIGKILL) << "the failpoint did not fire";
+  restart_coordinator();
+  // The client submits it again.
+  ASSERT_EQ(submit->wait(kPatience), 0) << submit->err();
+  const nlohmann::json jobs = nlohmann::json::parse(woodcock({"jobs", "--json"}).out)["jobs"];
+  ASSERT_EQ(jobs.size(), 1u);
+  const nlohmann::json job = show(jobs[0]["job_id"]);
+  ASSERT_EQ(job["frames"].size(), 600u);
+  for (size_t i = 0; i < 600; ++i) EXPECT_EQ(job["frames"][i]["frame"], i + 1);
+}
+
 TEST(CoordinatorKilled, AtEveryFailpointOfItsSources) {
   std::set<std::string> points(coordinator::failpoints().begin(), coordinator::failpoints().end()), killed;
   for (const std::string kill : kKills) killed.insert(kill.substr(0, kill.find('@')));
-  // retention_faults_test kills it at these.
-  killed.insert({"job-taken-out", "job-rows-deleted", "marked", "backup-database-copied", "backup-blobs-taken"});
+  // retention_faults_test kills it at these, and a test of its own above in the middle of a submit.
+  killed.insert({"frames-written", "job-taken-out", "job-rows-deleted", "marked", "backup-database-copied", "backup-blobs-taken"});
   EXPECT_EQ(killed, points) << "each failpoint has its kill above";
 }
 

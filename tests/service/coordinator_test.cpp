@@ -19,7 +19,7 @@ namespace {
 
 TEST(Coordinator, AJobIsTakenLeasedCommittedAndItsImageEqualsTheWholeFrame) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = world.coordinator->submit(world.request("r1", 12)).job_id();
   EXPECT_EQ(world.work("w1"), 8);  // 4 tiles × nodes [0,8) and [8,12)
   const v1::Job job = world.wait_until_ended(id);
@@ -31,7 +31,7 @@ TEST(Coordinator, AJobIsTakenLeasedCommittedAndItsImageEqualsTheWholeFrame) {
 
 TEST(Coordinator, ASubmitIsIdempotentByItsRequestId) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   v1::SubmitJobRequest request = world.request("r1");
   const std::string id = world.coordinator->submit(request).job_id();
   const v1::SubmitJobResponse again = world.coordinator->submit(request);
@@ -48,7 +48,7 @@ TEST(Coordinator, ASubmitIsIdempotentByItsRequestId) {
 
 TEST(Coordinator, F03F04ARestartAtAnyCommitEndsWithTheSameImageAndRendersNothingTwice) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = world.coordinator->submit(world.request("r1")).job_id();
   int committed = 0;
   for (int limit = 1; committed < 4; ++limit) {
@@ -64,7 +64,7 @@ TEST(Coordinator, F03F04ARestartAtAnyCommitEndsWithTheSameImageAndRendersNothing
 
 TEST(Coordinator, AnAdaptiveJobGoesOnAcrossRestartsUntilItsTargetAndIsExtended) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   v1::SubmitJobRequest request = world.request("r1", 4096);
   request.mutable_target()->set_error(0.022);
   request.mutable_target()->set_max_samples(4096);
@@ -119,7 +119,7 @@ TEST(Coordinator, AnExtensionWhileTheFrameIsMergedIsNotLost) {
   for (const bool to_a_target : {false, true}) {
     const TemporaryFolder folder;
     std::function<void()> meanwhile;
-    CoordinatorWorld world(folder.path, [&](CoordinatorOptions& options) {
+    CoordinatorWorld world(folder.path(), [&](CoordinatorOptions& options) {
       options.assemble_tiles = [&](const AssembleRequest& request) {
         const AssembleResult result = assemble(request);
         if (meanwhile) std::exchange(meanwhile, nullptr)();
@@ -155,11 +155,11 @@ TEST(Coordinator, AFinalStateIsShownOnlyOnceItsRowIsDurable) {
   const TemporaryFolder folder;
   std::unique_ptr<soci::session> reader;
   std::atomic<bool> blocked{false};
-  CoordinatorWorld world(folder.path, [&](CoordinatorOptions& options) {
+  CoordinatorWorld world(folder.path(), [&](CoordinatorOptions& options) {
     options.failpoint = [&](const char* point) {
       if (std::string_view(point) != "after-publish") return;
       // SQLite commits nothing while another connection reads.
-      reader = std::make_unique<soci::session>(soci::sqlite3, "db=" + folder.path + "/woodcock.sqlite");
+      reader = std::make_unique<soci::session>(soci::sqlite3, "db=" + (folder / "woodcock.sqlite").string());
       int frames = 0;
       *reader << "begin";
       *reader << "select count(*) from frames", soci::into(frames);
@@ -191,7 +191,7 @@ TEST(Coordinator, AFinalStateIsShownOnlyOnceItsRowIsDurable) {
 
 TEST(Coordinator, ACommittedKeyIsNeverRenderedAgain) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string first = world.coordinator->submit(world.request("r1", 8)).job_id();
   EXPECT_EQ(world.work("w1"), 4);
   world.wait_until_ended(first);
@@ -206,10 +206,10 @@ TEST(Coordinator, ACommittedKeyIsNeverRenderedAgain) {
 
 TEST(Coordinator, F06ATileDamagedAtRestIsRenderedAgain) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
   EXPECT_EQ(world.work("w1", 2), 2);
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder.path + "/blobs"))
+  for (const auto& entry : std::filesystem::recursive_directory_iterator((folder / "blobs").string()))
     if (entry.is_regular_file() && entry.file_size() > 1000) std::ofstream(entry.path(), std::ios::app) << "x";
   ++world.incarnation;
   EXPECT_GE(world.work("w1"), 2);
@@ -223,7 +223,7 @@ TEST(Coordinator, F06ATileDamagedAtRestIsRenderedAgain) {
 
 TEST(Coordinator, F21ATileThatIsNoTileIsNamedByTheMergeAndMakesNoImage) {
   const TemporaryFolder folder;
-  const std::string path = folder.path + "/bad.exr";
+  const std::string path = (folder / "bad.exr").string();
   std::ofstream(path) << "no EXR at all";
   AssembleRequest request;
   request.header.scene_digest = request.header.settings_digest = std::string(64, 'a');
@@ -231,7 +231,7 @@ TEST(Coordinator, F21ATileThatIsNoTileIsNamedByTheMergeAndMakesNoImage) {
   request.header.bounds = {0, 0, 8, 8};
   request.map = {request.header.bounds, {1}};
   request.tile_paths = {path};
-  request.output_path = folder.path + "/out.exr";
+  request.output_path = (folder / "out.exr").string();
   MergePool pool(WOODCOCK_BIN_DIR "/woodcock-coordinator", 1);
   for (const AssembleResult& result : {assemble(request), pool.merge(request)}) {
     EXPECT_FALSE(result.ok);
@@ -242,7 +242,7 @@ TEST(Coordinator, F21ATileThatIsNoTileIsNamedByTheMergeAndMakesNoImage) {
 
 TEST(Coordinator, APartialImageCountsWhatIsMissing) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
   EXPECT_THROW(world.coordinator->frame(id, 0, true), rpc::RpcError);
   EXPECT_EQ(world.work("w1", 1), 1);
@@ -253,7 +253,7 @@ TEST(Coordinator, APartialImageCountsWhatIsMissing) {
 
 TEST(Coordinator, EventsAreNumberedWithoutGapsAndWatchResumesFromItsCursor) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
   world.work("w1");
   world.wait_until_ended(id);
@@ -273,7 +273,7 @@ TEST(Coordinator, EventsAreNumberedWithoutGapsAndWatchResumesFromItsCursor) {
 
 TEST(Coordinator, CleanUpLeavesWhatAJobNeeds) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   put_blob(world.coordinator->blobs(), "orphan");
   const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
   world.work("w1");
@@ -283,12 +283,12 @@ TEST(Coordinator, CleanUpLeavesWhatAJobNeeds) {
   EXPECT_FALSE(world.coordinator->blobs().contains(rpc::blob_digest("orphan")));
   EXPECT_TRUE(world.coordinator->blobs().contains(rpc::blob_digest("scene")));
   EXPECT_TRUE(image_of(world, id) == whole_frame(world, 8));
-  EXPECT_TRUE(std::filesystem::is_empty(folder.path + "/temporary"));
+  EXPECT_TRUE(std::filesystem::is_empty((folder / "temporary").string()));
 }
 
 TEST(Coordinator, F22MalformedSubmitsAreRefusedByField) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const auto code = [&](const std::function<void(v1::SubmitJobRequest&)>& spoil) {
     v1::SubmitJobRequest request = world.request("r1");
     spoil(request);
@@ -320,7 +320,7 @@ TEST(Coordinator, F22MalformedSubmitsAreRefusedByField) {
 class OverTheWire : public ::testing::Test {
  protected:
   TemporaryFolder folder_;
-  CoordinatorWorld world_{folder_.path};
+  CoordinatorWorld world_{folder_.path()};
   CoordinatorServer server_{*world_.coordinator, "127.0.0.1:0"};
   std::shared_ptr<grpc::Channel> channel_ = rpc::make_channel(server_.address());
 };
@@ -334,7 +334,7 @@ TEST_F(OverTheWire, BlobsGoUpAndDownVerified) {
   EXPECT_EQ(rpc::upload_bytes(*blobs, bytes), digest);
   EXPECT_TRUE(rpc::find_missing(*blobs, {digest}).empty());
   EXPECT_TRUE(rpc::download_bytes(*blobs, digest, 10'000'000) == bytes);
-  const std::string path = folder_.path + "/copy";
+  const std::string path = (folder_ / "copy").string();
   std::ofstream(path + ".part") << bytes.substr(0, 1'234'567);
   rpc::download_file(*blobs, digest, path, true);
   std::ifstream copy(path, std::ios::binary);

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <atomic>
 #include <filesystem>
@@ -23,19 +22,11 @@
 #include "rpc/convert.h"
 #include "rpc/error.h"
 #include "rpc/manifest.h"
+#include "tests/support/temporary_folder.h"
 
 namespace woodcock::coordinator {
 
-/// A folder that goes with the object.
-struct TemporaryFolder {
-  TemporaryFolder() {
-    std::string pattern = std::filesystem::temp_directory_path() / "woodcock-test-XXXXXX";
-    if (!::mkdtemp(pattern.data())) throw std::runtime_error("mkdtemp");
-    path = pattern;
-  }
-  ~TemporaryFolder() { std::filesystem::remove_all(path); }
-  std::string path;
-};
+using testing::TemporaryFolder;
 
 inline void put_blob(BlobStore& blobs, const std::string& bytes) {
   const auto upload = blobs.begin_upload(rpc::blob_digest(bytes), static_cast<int64_t>(bytes.size()), 0, 1);
@@ -235,8 +226,8 @@ inline std::string whole_frame(const CoordinatorWorld& world, int64_t samples) {
     nodes.push_back(decode_exr(CoordinatorWorld::tile_bytes(task), "node").nodes.at(0));
   }
   const TemporaryFolder folder;
-  write_exr(folder.path + "/frame.exr", header, nodes, &kErrorSummary);
-  std::ifstream in(folder.path + "/frame.exr", std::ios::binary);
+  write_exr((folder / "frame.exr").string(), header, nodes, &kErrorSummary);
+  std::ifstream in((folder / "frame.exr").string(), std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};
 }
 

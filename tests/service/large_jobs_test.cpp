@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "coordinator/task_grid.h"
-#include "tests/service/coordinator_world.h"
+#include "tests/service/large_jobs.h"
 #include "tests/service/scheduler_fixture.h"
 #include "tests/support/little_kept_back.h"
 
@@ -30,39 +30,9 @@ int64_t resident_memory() {
   return resident * ::sysconf(_SC_PAGESIZE);
 }
 
-double seconds_since(steady_clock::time_point begin) { return std::chrono::duration<double>(steady_clock::now() - begin).count(); }
-
-/// A frame of 8000 × 8000 pixels in tiles of 8 × 8: a million tasks.
-v1::SubmitJobRequest million_tasks(CoordinatorWorld& world, const std::string& id) {
-  v1::SubmitJobRequest request = world.request(id, 16);
-  request.mutable_settings()->set_tile_size(8);
-  FrameHeader header = world.header();
-  header.width = header.height = 8000;
-  header.bounds = {0, 0, 8000, 8000};
-  *request.mutable_frames(0)->mutable_header() = rpc::to_wire(header);
-  return request;
-}
-
-/// The same in 10 000 frames of 100 tasks.
-v1::SubmitJobRequest ten_thousand_frames(CoordinatorWorld& world, const std::string& id) {
-  v1::SubmitJobRequest request = world.request(id, 16);
-  request.mutable_settings()->set_tile_size(8);
-  const v1::FrameInput frame = request.frames(0);
-  request.clear_frames();
-  FrameHeader header = world.header();
-  header.width = header.height = 80;
-  header.bounds = {0, 0, 80, 80};
-  for (uint64_t i = 0; i < 10'000; ++i) {
-    header.frame = i;
-    *request.add_frames() = frame;
-    *request.mutable_frames(static_cast<int>(i))->mutable_header() = rpc::to_wire(header);
-  }
-  return request;
-}
-
 TEST(LargeJobs, F32_FourJobsOfAMillionTasksTakeLittleMemoryAndNoneOnceTheyEnded) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   world.coordinator->cancel(world.coordinator->submit(million_tasks(world, "warm")).job_id());
   const int64_t before = resident_memory();
   std::vector<std::string> jobs;
@@ -149,24 +119,14 @@ TEST(LargeJobs, F32_TheTableOfTasksTellsWhatTheListsTell) {
 
 TEST(LargeJobs, F32_ListingGoesOnDuringASubmitOfAMillionTasks) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   for (const bool many_frames : {false, true}) {
     const v1::SubmitJobRequest request = many_frames ? ten_thousand_frames(world, "frames") : million_tasks(world, "tasks");
-    std::atomic<bool> over{false};
-    std::atomic<int> calls{0};
-    std::atomic<double> longest{0};
-    std::thread lister([&] {
-      for (; !over; ++calls) {
-        const auto begin = steady_clock::now();
-        world.coordinator->list(0, "");
-        longest = std::max(longest.load(), seconds_since(begin));
-      }
+    std::string id;
+    const double longest = slowest_list_during(world, [&] {
+      id = world.coordinator->submit(request).job_id();
+      EXPECT_EQ(world.work("w" + id, 3), 3) << "pinned, and looked up as far as that is leased";
     });
-    while (calls < 3) std::this_thread::yield();
-    const std::string id = world.coordinator->submit(request).job_id();
-    EXPECT_EQ(world.work("w" + id, 3), 3) << "pinned, and looked up as far as that is leased";
-    over = true;
-    lister.join();
     // It took 17 s when each task was made, looked up and written with the scheduler locked. An idle machine needs some hundredths of
     // a second; a busy disk may need more.
     EXPECT_LT(longest, 1.0);
@@ -177,7 +137,7 @@ TEST(LargeJobs, F32_ListingGoesOnDuringASubmitOfAMillionTasks) {
 
 TEST(LargeJobs, F32_RenderingBeginsBeforeAllEarlierResultsWereLookedFor) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const auto begin = steady_clock::now();
   const std::string id = world.coordinator->submit(million_tasks(world, "r1")).job_id();
   EXPECT_EQ(world.work("w1", 1), 1);
@@ -187,7 +147,7 @@ TEST(LargeJobs, F32_RenderingBeginsBeforeAllEarlierResultsWereLookedFor) {
 
 TEST(LargeJobs, F32_CountersThatWouldOverflowAreRefusedByField) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   v1::SubmitJobRequest request = world.request("r1", int64_t{1} << 40);
   request.mutable_settings()->set_tile_size(1024);
   FrameHeader header = world.header();
@@ -221,7 +181,7 @@ TEST(LargeJobs, F32_WhatHasEndedIsListedInPagesFromTheDatabaseAndARestartReadsWh
   const TemporaryFolder folder;
   constexpr int kEnded = 3000;
   {
-    Store store({folder.path, "", [](const std::string& reason) { ADD_FAILURE() << reason; }});
+    Store store({folder.path(), "", [](const std::string& reason) { ADD_FAILURE() << reason; }});
     JobSpec spec = test_job("x");
     JobRow row;
     row.state = JobState::Cancelled;
@@ -234,12 +194,13 @@ TEST(LargeJobs, F32_WhatHasEndedIsListedInPagesFromTheDatabaseAndARestartReadsWh
       store.write([spec, row, summary = summary_of(job), counts = counts_of(job, job.frames[0])](StoreSession& session) {
         session.insert_job(spec);
         session.save_job(spec.id, spec, row);
-        session.save_counts(spec.id, summary, {counts});
+        session.save_frame_counts(spec.id, 0, {counts});
+        session.save_summary(spec.id, summary);
       });
     }
     store.stop();
   }
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string first = world.coordinator->submit(world.request("r1")).job_id();
   EXPECT_EQ(world.work("w1"), 4);
   world.wait_until_ended(first);
@@ -280,7 +241,7 @@ TEST(LargeJobs, F32_WhatHasEndedIsListedInPagesFromTheDatabaseAndARestartReadsWh
 
 TEST(LargeJobs, F32_AJobThatHasEndedAnswersAsBeforeFromTheDatabase) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const v1::SubmitJobRequest request = world.request("r1", 8);
   const std::string id = world.coordinator->submit(request).job_id();
   EXPECT_EQ(world.work("w1"), 4);
@@ -317,14 +278,14 @@ TEST(LargeJobs, F32_AJobThatHasEndedAnswersAsBeforeFromTheDatabase) {
 
 TEST(LargeJobs, F32_AnOfferForAJobThatHasEndedGetsTheVerdictThatItWouldHaveGot) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = world.coordinator->submit(world.request("r1", 8)).job_id();
   EXPECT_EQ(world.work("w1"), 4);
   world.wait_until_ended(id);
   SettledTask row;
   {
     world.stop();
-    Store store({folder.path, "", [](const std::string& reason) { ADD_FAILURE() << reason; }});
+    Store store({folder.path(), "", [](const std::string& reason) { ADD_FAILURE() << reason; }});
     row = store.read([&](StoreSession& session) { return session.settled({id, 0, 2}); }).value();
   }
   world.start();

@@ -40,9 +40,9 @@ AssembleRequest frame_of(const TemporaryFolder& folder, int64_t samples) {
   *task.mutable_header() = rpc::to_wire(request.header);
   *task.mutable_rect() = rpc::to_wire(request.header.bounds);
   *task.mutable_range() = rpc::to_wire(SampleRange{0, samples});
-  request.tile_paths = {folder.path + "/tile-" + std::to_string(samples) + ".exr"};
+  request.tile_paths = {(folder / "tile-").string() + std::to_string(samples) + ".exr"};
   std::ofstream(request.tile_paths[0], std::ios::binary) << CoordinatorWorld::tile_bytes(task);
-  request.output_path = folder.path + "/frame-" + std::to_string(samples) + ".exr";
+  request.output_path = (folder / "frame-").string() + std::to_string(samples) + ".exr";
   return request;
 }
 
@@ -126,7 +126,7 @@ TEST(MergePool, F21_AMergeThatCrashesEndsItselfOnly) {
 
 TEST(MergePool, F33_AProgramThatCannotBeStartedIsSaid) {
   const TemporaryFolder folder;
-  MergePool pool(folder.path + "/nothing", 1);
+  MergePool pool((folder / "nothing").string(), 1);
   for (int i = 0; i < 2; ++i) EXPECT_THAT(pool.merge(frame_of(folder, 1)).error, HasSubstr("cannot start"));
 }
 
@@ -136,12 +136,12 @@ TEST(MergePool, F35_APictureIsMadeOfNodesAsTheClientMakesIt) {
   ASSERT_TRUE(assemble(frame).ok);
   AssembleRequest request;
   request.picture_of = frame.output_path;
-  request.output_path = folder.path + "/picture.exr";
+  request.output_path = (folder / "picture.exr").string();
   MergePool pool(kProgram, 1);
   const AssembleResult result = pool.merge(request);
   ASSERT_TRUE(result.ok) << result.error;
-  make_picture(frame.output_path, folder.path + "/here.exr")->commit();
-  EXPECT_TRUE(bytes_of(request.output_path) == bytes_of(folder.path + "/here.exr"));
+  make_picture(frame.output_path, (folder / "here.exr").string())->commit();
+  EXPECT_TRUE(bytes_of(request.output_path) == bytes_of((folder / "here.exr").string()));
 }
 
 }  // namespace

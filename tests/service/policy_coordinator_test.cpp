@@ -38,7 +38,7 @@ rpc::Outcome outcome_of(const std::function<void()>& call) {
 
 TEST(PolicyOfJobs, IsKeptOverRestartsAndHeldTo) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   v1::SubmitJobRequest request = request_of(world, "r1");
   v1::JobPolicy& policy = *request.mutable_policy();
   policy.set_user("ada");
@@ -71,7 +71,7 @@ TEST(PolicyOfJobs, IsKeptOverRestartsAndHeldTo) {
 
 TEST(PolicyOfJobs, AJobBeginsAfterOthersAlsoWhenTheCoordinatorWasStartedAgain) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string first = submit_after(world, "r1", {}), second = submit_after(world, "r2", {});
   const std::string last = submit_after(world, "r3", {first, second});
   const auto restart = [&] {
@@ -102,7 +102,7 @@ TEST(PolicyOfJobs, AJobBeginsAfterOthersAlsoWhenTheCoordinatorWasStartedAgain) {
 
 TEST(PolicyOfJobs, AJobThatCannotBeginIsRefusedByNameOrFails) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const rpc::Outcome unknown = outcome_of([&] { submit_after(world, "r1", {"jnobody"}); });
   EXPECT_EQ(unknown.code, rpc::Code::kNotFound);
   EXPECT_THAT(unknown.message, HasSubstr("there is no job jnobody"));
@@ -127,7 +127,7 @@ TEST(PolicyOfJobs, AJobThatCannotBeginIsRefusedByNameOrFails) {
 
 TEST(PolicyOfJobs, AWorkerThatLeavesIsAnsweredAtOnceAndListedAsLeft) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   world.tags = {"gpu", "big", "gpu"};
   world.memory = 32 * kGib;
   ASSERT_TRUE(world.sync(world.sync_request("w1")).first.ok());
@@ -146,7 +146,7 @@ TEST(PolicyOfJobs, AWorkerThatLeavesIsAnsweredAtOnceAndListedAsLeft) {
 
 TEST(PolicyOfJobs, F22AWorkersTagsAreChecked) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const auto outcome = [&](const std::vector<std::string>& tags) {
     world.tags = tags;
     return world.sync(world.sync_request("w1")).first;

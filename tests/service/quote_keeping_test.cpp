@@ -36,7 +36,7 @@ std::string submit(CoordinatorWorld& world, const std::string& request_id, bool 
 
 TEST(KeptQuotes, AreKeptToTheLastBitOverARestart) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = submit(world, "r1");
   const std::string without = submit(world, "r2", false);
   for (int start = 0; start < 2; ++start) {
@@ -51,7 +51,7 @@ TEST(KeptQuotes, AreKeptToTheLastBitOverARestart) {
 
 TEST(KeptQuotes, BecomeWhatTheJobTookAlsoAfterARestart) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = submit(world, "r1");
   EXPECT_EQ(world.work("w1"), 4);
   world.wait_until_ended(id);
@@ -80,7 +80,7 @@ TEST(KeptQuotes, BecomeWhatTheJobTookAlsoAfterARestart) {
 
 TEST(KeptQuotes, CountTheCostOfResultsThatWereThereAlready) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string first = submit(world, "r1", false);
   EXPECT_EQ(world.work("w1"), 4);
   world.wait_until_ended(first);
@@ -112,7 +112,7 @@ TEST(KeptQuotes, CountTheCostOfResultsThatWereThereAlready) {
 
 TEST(KeptQuotes, AnExtensionFindsWhatAnEarlierJobRendered) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string first = submit(world, "r1", false);
   EXPECT_EQ(world.work("w1"), 4);
   world.wait_until_ended(first);
@@ -132,10 +132,10 @@ TEST(KeptQuotes, AnExtensionFindsWhatAnEarlierJobRendered) {
 
 TEST(KeptQuotes, AResultThatIsRenderedAgainCountsOnce) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = submit(world, "r1");
   EXPECT_EQ(world.work("w1", 2), 2);
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder.path + "/blobs"))
+  for (const auto& entry : std::filesystem::recursive_directory_iterator((folder / "blobs").string()))
     if (entry.is_regular_file() && entry.file_size() > 1000) std::ofstream(entry.path(), std::ios::app) << "x";
   ++world.incarnation;
   int rendered = world.work("w1");
@@ -151,7 +151,7 @@ TEST(KeptQuotes, AResultThatIsRenderedAgainCountsOnce) {
 
 TEST(KeptQuotes, ResultsAreListedInPagesWithoutLossOrRepetition) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = submit(world, "r1");
   EXPECT_TRUE(world.coordinator->results(id, 0, "").results().empty());
   EXPECT_EQ(world.work("w1"), 4);
@@ -172,7 +172,7 @@ TEST(KeptQuotes, ResultsAreListedInPagesWithoutLossOrRepetition) {
 
 TEST(KeptQuotes, F22HostileOnesAreRefusedByField) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const auto refusal = [&](const std::function<void(v1::Quote&)>& spoil) -> std::string {
     v1::SubmitJobRequest request = world.request("r1");
     *request.mutable_quote() = some_quote();

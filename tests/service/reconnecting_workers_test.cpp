@@ -125,7 +125,7 @@ class Fleet {
 
 TEST(ReconnectingWorkers, F16_FiveHundredComeBackAfterARestartAndNoLeaseExpiresFalsely) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = submit_many_tasks(world, 320);
   Fleet fleet(world, 500);
   for (int round = 0; round < 10 && fleet.held(0, 500) < 1000; ++round) fleet.sync(0, 500, false);
@@ -167,7 +167,7 @@ TEST(ReconnectingWorkers, F16_FiveHundredComeBackAfterARestartAndNoLeaseExpiresF
 
 TEST(ReconnectingWorkers, AThousandThatRenderCallAsOftenAsOneCoordinatorAnswersAndNoLeaseExpires) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = submit_many_tasks(world, 400);
   constexpr size_t kWorkers = 1000;
   Fleet fleet(world, kWorkers);
@@ -187,7 +187,7 @@ TEST(ReconnectingWorkers, AThousandThatRenderCallAsOftenAsOneCoordinatorAnswersA
 
 TEST(ReconnectingWorkers, F14_AWorkerThatComesAndGoesCostsOthersNothing) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const std::string id = submit_many_tasks(world, 160);
   int committed = 0;
   uint64_t incarnation = 0, taken = 0;
@@ -219,7 +219,7 @@ TEST(ReconnectingWorkers, F14_AWorkerThatComesAndGoesCostsOthersNothing) {
 
 TEST(ReconnectingWorkers, F14_UploadsOfAByteASecondHoldNobodyUpAndGoOnWhereTheyWere) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   CoordinatorServer server(*world.coordinator, "127.0.0.1:0");
   constexpr int kSlow = 40, kSeconds = 5;
   const auto content = [](int i) { return "a slow upload, number " + std::to_string(i); };

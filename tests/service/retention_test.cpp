@@ -1,14 +1,16 @@
-// Jobs that go, by a user and by the limits of retention: what others have stays, what nobody has is removed.
+// Jobs that go by the limits of retention, and the files that nobody has any more: what others have stays.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <chrono>
+#include <fstream>
+#include <iterator>
 #include <random>
 #include <thread>
 
 #include "tests/service/fast_motion.h"
 #include "tests/service/retention_world.h"
-#include "tests/service/scheduler_fixture.h"
 #include "tests/support/little_kept_back.h"
 
 namespace woodcock::coordinator {
@@ -17,160 +19,9 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-std::string refusal(const std::function<void()>& call, rpc::Code code) {
-  try {
-    call();
-  } catch (const rpc::RpcError& error) {
-    EXPECT_EQ(error.code(), code) << error.what();
-    return error.what();
-  }
-  return "accepted";
-}
-
-std::vector<std::string> ids(const v1::RetainJobsResponse& response) {
-  std::vector<std::string> list;
-  for (const v1::RetiredJob& job : response.jobs()) list.push_back(job.job_id());
-  return list;
-}
-
-TEST(Delete, AJobThatRunsIsRefusedByNameAndOneThatEndedIsGoneForEveryone) {
-  const TemporaryFolder folder;
-  RetentionWorld world(folder.path);
-  const std::string id = world.submit("r1", 1, 1);
-  EXPECT_THAT(refusal([&] { world.coordinator->remove(id, false); }, rpc::Code::kFailedPrecondition),
-              HasSubstr("job " + id + " is queued"));
-  EXPECT_EQ(world.render_all("w1"), 2);
-  world.coordinator->remove(id, false);
-  EXPECT_THAT(refusal([&] { world.coordinator->job(id); }, rpc::Code::kNotFound), HasSubstr(id));
-  EXPECT_THAT(refusal([&] { world.coordinator->frame(id, 0, false); }, rpc::Code::kNotFound), HasSubstr(id));
-  EXPECT_THAT(refusal([&] { world.coordinator->events(id, 0, ""); }, rpc::Code::kNotFound), HasSubstr(id));
-  EXPECT_THAT(refusal([&] { world.coordinator->extend(id, 64, {}); }, rpc::Code::kNotFound), HasSubstr(id));
-  bool finished = false;
-  EXPECT_THAT(refusal([&] { world.coordinator->watch(id, 0, finished); }, rpc::Code::kNotFound), HasSubstr(id));
-  EXPECT_THAT(refusal([&] { world.coordinator->remove(id, false); }, rpc::Code::kNotFound), HasSubstr(id));
-  EXPECT_TRUE(world.jobs().empty());
-  world.coordinator->clean_up();
-  for (const char* table : {"jobs", "frames", "settled", "results", "events", "attempts", "leases", "deletions"})
-    EXPECT_EQ(world.rows(table), 0) << table;
-  // The same request is a new job.
-  EXPECT_EQ(world.submit("r1", 1, 1), id);
-  EXPECT_EQ(world.render_all("w1"), 2) << "nothing of it is there any more";
-}
-
-TEST(Delete, WithCancelAJobThatRunsGoesWithItsLeases) {
-  const TemporaryFolder folder;
-  RetentionWorld world(folder.path);
-  const std::string id = world.submit("r1", 1, 1, 3);
-  world.sync(world.sync_request("w1"));
-  ASSERT_GT(world.sync(world.sync_request("w1")).second.grants_size(), 0);
-  world.coordinator->remove(id, true);
-  EXPECT_TRUE(world.jobs().empty());
-  EXPECT_EQ(world.work("w1"), 0);
-  world.stop();
-  world.start();
-  world.coordinator->clean_up();
-  for (const char* table : {"jobs", "frames", "settled", "results", "events", "leases", "deletions"})
-    EXPECT_EQ(world.rows(table), 0) << table;
-}
-
-TEST(Delete, WhatAnotherJobHasStaysAndTheRestIsRemoved) {
-  const TemporaryFolder folder;
-  RetentionWorld world(folder.path);
-  const std::string first = world.submit("r1", 1, 1), alone = world.submit("r2", 2, 2);
-  EXPECT_EQ(world.render_all("w1"), 4);
-  const std::string second = world.submit("r3", 1, 1);
-  EXPECT_EQ(world.render_all("w1"), 0) << "its results were there";
-  const std::string image = image_of(world, second);
-  world.expect_exact_counts();
-  world.coordinator->remove(first, false);
-  world.coordinator->remove(alone, false);
-  world.now += 2 * 3600 * kSecond;
-  world.coordinator->clean_up();
-  world.expect_exact_counts();
-  world.expect_nothing_is_missing();
-  EXPECT_EQ(world.on_disk(), world.referenced());
-  EXPECT_TRUE(image_of(world, second) == image);
-  EXPECT_TRUE(world.coordinator->blobs().contains(rpc::blob_digest("scene 1")));
-  EXPECT_FALSE(world.coordinator->blobs().contains(rpc::blob_digest("scene 2")));
-  // A later job still finds what the second has.
-  world.submit("r4", 1, 1);
-  EXPECT_EQ(world.render_all("w1"), 0);
-  for (const v1::Job& job : world.jobs()) {
-    world.coordinator->remove(job.job_id(), false);
-  }
-  world.now += 2 * 3600 * kSecond;
-  world.coordinator->clean_up();
-  EXPECT_TRUE(world.on_disk().empty());
-}
-
-TEST(Delete, ARestartGoesOnWithWhatIsHalfDeleted) {
-  const TemporaryFolder folder;
-  RetentionWorld world(folder.path);
-  const std::string id = world.submit("r1", 1, 1, 3), other = world.submit("r2", 1, 1);
-  world.render_all("w1");
-  world.stop();
-  {
-    // As a crash leaves it: the job is out, some of its rows went.
-    Store store({folder.path, "", [](const std::string& reason) { ADD_FAILURE() << reason; }});
-    EXPECT_TRUE(store.read([&](StoreSession& session) { return session.begin_delete(id); }));
-    EXPECT_FALSE(store.read([&](StoreSession& session) { return session.delete_step(id, 2); }));
-    JobSpec taken = test_job(id);
-    EXPECT_FALSE(store.read([&](StoreSession& session) { return session.insert_job(taken); })) << "its rows would go with the old ones";
-  }
-  world.start();
-  for (int i = 0; i < 500 && world.rows("deletions") > 0; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  EXPECT_EQ(world.rows("deletions"), 0) << "without being asked";
-  EXPECT_EQ(world.rows("settled", "job_id = '" + id + "'"), 0);
-  EXPECT_EQ(world.rows("events", "job_id = '" + id + "'"), 0);
-  world.expect_exact_counts();
-  EXPECT_EQ(world.jobs().size(), 1u);
-  EXPECT_EQ(world.coordinator->job(other).state(), v1::JOB_STATE_DONE);
-}
-
-TEST(Delete, AListThatIsReadInPagesGoesOnWhereItsLastJobWent) {
-  const TemporaryFolder folder;
-  RetentionWorld world(folder.path);
-  for (int i = 0; i < 5; ++i) {
-    world.submit(fmt::format("r{}", i), i, 1);
-    world.now += kSecond;
-  }
-  const v1::ListJobsResponse page = world.coordinator->list(2, "");
-  ASSERT_EQ(page.jobs_size(), 2);
-  world.coordinator->remove(page.jobs(1).job_id(), true);
-  EXPECT_EQ(world.coordinator->list(10, page.next_page_token()).jobs_size(), 3);
-  for (const char* token_of_nobody : {"x", "5", "5.", ".j", "5x.j", "5.j/"})
-    EXPECT_THAT(refusal([&] { world.coordinator->list(2, token_of_nobody); }, rpc::Code::kInvalidArgument), HasSubstr("page_token"))
-        << token_of_nobody;
-}
-
-TEST(Events, AreListedInPagesWithoutLossOrRepetition) {
-  const TemporaryFolder folder;
-  RetentionWorld world(folder.path);
-  const std::string id = world.submit("r1", 1, 1);
-  world.render_all("w1");
-  const v1::Job job = world.coordinator->job(id);
-  int64_t number = 0;
-  std::string token;
-  std::set<v1::JobEventKind> kinds;
-  do {
-    const v1::ListEventsResponse page = world.coordinator->events(id, 3, token);
-    EXPECT_LE(page.events_size(), 3);
-    for (const v1::JobEvent& event : page.events()) {
-      EXPECT_EQ(event.number(), ++number);
-      kinds.insert(event.kind());
-    }
-    token = page.next_page_token();
-  } while (!token.empty());
-  EXPECT_EQ(number, job.last_event());
-  EXPECT_TRUE(kinds.contains(v1::JOB_EVENT_KIND_SUBMITTED) && kinds.contains(v1::JOB_EVENT_KIND_FRAME_DONE));
-  EXPECT_EQ(world.coordinator->events(id, 0, std::to_string(number)).events_size(), 0);
-  for (const char* token_of_nobody : {"x", "-1", "3x"})
-    EXPECT_THAT(refusal([&] { world.coordinator->events(id, 3, token_of_nobody); }, rpc::Code::kInvalidArgument), HasSubstr("page_token"));
-}
-
 TEST(Retention, JobsGoByAgeAndThoseThatRunOrJustEndedStay) {
   const TemporaryFolder folder;
-  RetentionWorld world(folder.path, [](CoordinatorOptions& options) { options.retention.keep_seconds = 90 * 86400; });
+  RetentionWorld world(folder.path(), [](CoordinatorOptions& options) { options.retention.keep_seconds = 90 * 86400; });
   const std::string old = world.submit("r1", 1, 1);
   world.render_all("w1");
   world.now += 80 * kDay;
@@ -191,7 +42,7 @@ TEST(Retention, JobsGoByAgeAndThoseThatRunOrJustEndedStay) {
 TEST(Retention, BySizeTheOldestGoAndNoMoreThanMust) {
   const TemporaryFolder folder;
   RetentionLimits limits;
-  RetentionWorld world(folder.path, [&](CoordinatorOptions& options) { options.retention = limits; });
+  RetentionWorld world(folder.path(), [&](CoordinatorOptions& options) { options.retention = limits; });
   std::vector<std::string> jobs;
   for (int i = 0; i < 6; ++i) {
     jobs.push_back(world.submit(fmt::format("r{}", i), i, i));
@@ -222,7 +73,7 @@ TEST(Retention, BySizeTheOldestGoAndNoMoreThanMust) {
 
 TEST(Retention, ASizeIsFreedOnlyWithTheLastJobThatShares) {
   const TemporaryFolder folder;
-  RetentionWorld world(folder.path, [](CoordinatorOptions& options) { options.retention.keep_bytes = 1; });
+  RetentionWorld world(folder.path(), [](CoordinatorOptions& options) { options.retention.keep_bytes = 1; });
   const std::string first = world.submit("r1", 1, 1);
   world.render_all("w1");
   world.now += kSecond;
@@ -241,10 +92,77 @@ TEST(Retention, ASizeIsFreedOnlyWithTheLastJobThatShares) {
   EXPECT_TRUE(world.on_disk().empty());
 }
 
+TEST(Retention, WithoutLimitsTheBytesAreSaidAsADryRunSaysThem) {
+  const TemporaryFolder folder;
+  RetentionWorld world(folder.path());
+  world.submit("r1", 1, 1);
+  world.render_all("w1");
+  const int64_t all = world.bytes();
+  ASSERT_GT(all, 0);
+  for (const bool dry_run : {true, false}) {
+    v1::RetainJobsRequest request;
+    request.set_dry_run(dry_run);
+    const v1::RetainJobsResponse answer = world.coordinator->retain(request);
+    EXPECT_EQ(answer.bytes_before(), all) << dry_run;
+    EXPECT_EQ(answer.bytes_after(), all) << dry_run;
+    EXPECT_EQ(answer.jobs_total(), 0) << dry_run;
+  }
+}
+
+TEST(Retention, F26_AListOfFilesThatCannotBeReadStopsNoCleanUpAndCostsNoFileOfItsScene) {
+  namespace fs = std::filesystem;
+  const TemporaryFolder folder;
+  RetentionWorld world(folder.path(), [](CoordinatorOptions& options) { options.retention.keep_seconds = 30 * 86400; });
+  const auto made = [&](const std::string& digest, int64_t unix_ms) {
+    const auto age = std::chrono::system_clock::now().time_since_epoch() - std::chrono::milliseconds(unix_ms);
+    fs::last_write_time(world.coordinator->blobs().path(digest), fs::file_time_type::clock::now() - age);
+  };
+  const auto here = [&](const std::string& text) { return world.coordinator->blobs().contains(rpc::blob_digest(text)); };
+  const auto now_ms = [&] { return kStartUnixMs + world.now / 1'000'000; };
+  // Of a job that goes by its age, and of one whose list cannot be read.
+  const std::string old = world.submit("r1", 1, 1);
+  const std::set<std::string> of_old = world.referenced();
+  for (const std::string& digest : of_old) made(digest, now_ms());
+  world.coordinator->cancel(old);
+  world.now += 20 * kDay;
+  const std::string kept = world.submit("r2", 2, 2);
+  for (const std::string& digest : world.referenced())
+    if (!of_old.contains(digest)) made(digest, now_ms());
+  world.coordinator->cancel(kept);
+  const auto content = [&](const std::string& digest) {
+    std::ifstream in(world.coordinator->blobs().path(digest));
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  std::string list;
+  for (const std::string& digest : world.referenced())
+    if (!of_old.contains(digest) && content(digest).find("scene.pbrt") != std::string::npos) list = digest;
+  ASSERT_FALSE(list.empty());
+  const std::string list_path = world.coordinator->blobs().path(list);
+  fs::rename(list_path, folder / "list");
+  std::ofstream(list_path) << "damaged";
+  made(list, now_ms());
+  // Nobody refers to it, and it came long after both.
+  world.now += 5 * kDay;
+  world.upload("orphan");
+  made(rpc::blob_digest("orphan"), now_ms());
+  world.now += 10 * kDay;
+  EXPECT_THAT(ids(world.dry_run()), ElementsAre(old));
+  EXPECT_THAT(ids(world.coordinator->clean_up()), ElementsAre(old)) << "limits hold all the same";
+  EXPECT_FALSE(here("orphan"));
+  EXPECT_TRUE(here("scene 2")) << "the list may be readable tomorrow";
+  EXPECT_TRUE(here("scene 1")) << "it is as old, and might be of the same scene";
+  // When the list is there again, what is not on it goes.
+  fs::rename(folder / "list", list_path);
+  world.coordinator->clean_up();
+  EXPECT_TRUE(here("scene 2"));
+  EXPECT_FALSE(here("scene 1"));
+  EXPECT_EQ(world.on_disk(), world.referenced());
+}
+
 TEST(Retention, F12_AWallClockThatJumpsAheadTakesNoJob) {
   const TemporaryFolder folder;
   std::atomic<int64_t> jump_ms{0};
-  RetentionWorld world(folder.path, [&](CoordinatorOptions& options) {
+  RetentionWorld world(folder.path(), [&](CoordinatorOptions& options) {
     options.retention.keep_seconds = 86400;
     options.unix_ms = [&jump_ms, unix_ms = options.unix_ms] { return unix_ms() + jump_ms; };
   });
@@ -280,7 +198,7 @@ void render_everything(RetentionWorld& world, const std::string& worker) {
 TEST(Retention, CleanUpsBesideSubmitsCommitsAndDeletionsTakeNothingThatIsReferredTo) {
   const TemporaryFolder folder;
   // Pins are over almost at once: what is on its way to the database must stay all the same.
-  RetentionWorld world(folder.path, [](CoordinatorOptions& options) {
+  RetentionWorld world(folder.path(), [](CoordinatorOptions& options) {
     options.pin = kSecond / 10;
     options.scheduler.lease = options.scheduler.worker_timeout = kDay;
     options.merges_at_once = 2;
@@ -342,7 +260,7 @@ TEST_P(RandomHistory, WhatIsReferredToStaysWhatIsNotAndIsOldGoesAndADryRunSaysWh
   RetentionLimits limits;
   if (below(2) == 0) limits.keep_seconds = 86400 * (1 + below(5));
   if (below(2) == 0) limits.keep_bytes = 5'000 + 1000 * below(60);
-  RetentionWorld world(folder.path, [&](CoordinatorOptions& options) { options.retention = limits; });
+  RetentionWorld world(folder.path(), [&](CoordinatorOptions& options) { options.retention = limits; });
   int requests = 0;
   for (int step = 0; step < 14; ++step) {
     for (int i = below(4); i >= 0; --i) world.submit(fmt::format("r{}", ++requests), below(5), below(4), 1 + below(3));
@@ -402,7 +320,7 @@ TEST(FastMotion, F32_TwoThousandSmallJobsLeaveTheMemoryFlat) {
 TEST(BlobStore, ACleanUpThatRacesUploadsAndHoldsLosesNoAcknowledgedBlob) {
   const TemporaryFolder folder;
   // Pins end at once: what an upload was told, and what is held, must stay all the same.
-  BlobStore blobs({folder.path, 1, 1}, 0);
+  BlobStore blobs({folder.path(), 1, 1}, 0);
   std::atomic<Time> now{kSecond};
   std::atomic<bool> done{false};
   std::mutex mutex;

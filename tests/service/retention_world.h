@@ -7,6 +7,7 @@
 #include <soci/sqlite3/soci-sqlite3.h>
 
 #include <algorithm>
+#include <functional>
 #include <set>
 #include <string>
 #include <vector>
@@ -17,6 +18,23 @@ namespace woodcock::coordinator {
 
 inline constexpr int64_t kStartUnixMs = 1'700'000'000'000;
 inline constexpr Time kDay = 86400 * kSecond;
+
+/// What a call is refused with.
+inline std::string refusal(const std::function<void()>& call, rpc::Code code) {
+  try {
+    call();
+  } catch (const rpc::RpcError& error) {
+    EXPECT_EQ(error.code(), code) << error.what();
+    return error.what();
+  }
+  return "accepted";
+}
+
+inline std::vector<std::string> ids(const v1::RetainJobsResponse& response) {
+  std::vector<std::string> list;
+  for (const v1::RetiredJob& job : response.jobs()) list.push_back(job.job_id());
+  return list;
+}
 
 class RetentionWorld : public CoordinatorWorld {
  public:

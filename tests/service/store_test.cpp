@@ -26,7 +26,7 @@ TEST(Store, WhatWasWrittenIsThereAfterARestartAndTheTermGrows) {
   spec.target = SamplingTarget{0, 4096};
   spec.time_limit = TimeLimit{90, 1.5};
   {
-    Store store(options(folder.path));
+    Store store(options(folder.path()));
     EXPECT_EQ(store.term(), 1u);
     EXPECT_TRUE(store.read([&](StoreSession& s) { return s.insert_job(spec); }));
     store.read([&](StoreSession& s) { return s.commit_task({"j1", 0, 3}, -1, result('d')); });
@@ -38,10 +38,10 @@ TEST(Store, WhatWasWrittenIsThereAfterARestartAndTheTermGrows) {
     store.write([lease](StoreSession& s) { s.save_lease(lease); });
     store.write([&](StoreSession& s) { s.append_event("j1", {1, 5, EventKind::Submitted, 12, "", "", "it's \"here\""}); });
   }
-  Store store(options(folder.path));
+  Store store(options(folder.path()));
   EXPECT_EQ(store.term(), 2u);
   EXPECT_EQ(store.read([](StoreSession& s) { return s.running_jobs(); }), std::vector<std::string>{"j1"});
-  Job job = store.read([](StoreSession& s) { return s.load_job("j1"); }).value();
+  Job job = store.load_job("j1").value().job;
   EXPECT_EQ(job.spec.rounds, spec.rounds);
   EXPECT_EQ(job.spec.target, spec.target);
   ASSERT_TRUE(job.spec.time_limit);
@@ -65,7 +65,7 @@ TEST(Store, WhatWasWrittenIsThereAfterARestartAndTheTermGrows) {
 
 TEST(Store, ATaskCommitsOnceAndAPartOnlyIfItsParentWasSplit) {
   const TemporaryFolder folder;
-  Store store(options(folder.path));
+  Store store(options(folder.path()));
   store.read([](StoreSession& s) { return s.insert_job(test_job("j1")); });
   const auto commit = [&](int64_t number, int64_t parent, char digest) {
     return store.read([&](StoreSession& s) { return s.commit_task({"j1", 0, number}, parent, result(digest)); });
@@ -86,10 +86,10 @@ TEST(Store, CountsOfWhatWentWrongStayWithTheResult) {
   ResultRecord unhealthy = result('d');
   unhealthy.health = {1, 2, 3, 4};
   {
-    Store store(options(folder.path));
+    Store store(options(folder.path()));
     store.read([&](StoreSession& s) { return s.insert_job(test_job("j1")) && s.commit_task({"j1", 0, 3}, -1, unhealthy); });
   }
-  Store store(options(folder.path));
+  Store store(options(folder.path()));
   EXPECT_EQ(store.read([](StoreSession& s) { return s.settled({"j1", 0, 3}); }).value().result.health, unhealthy.health);
   EXPECT_EQ(store.read([&](StoreSession& s) { return s.find_result(unhealthy.key); }).value().health, unhealthy.health);
 }
@@ -97,14 +97,14 @@ TEST(Store, CountsOfWhatWentWrongStayWithTheResult) {
 TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
   const TemporaryFolder folder;
   {
-    Store store(options(folder.path));
+    Store store(options(folder.path()));
     store.read([](StoreSession& s) { return s.insert_job(test_job("j1")) && s.commit_task({"j1", 0, 3}, -1, result('d')); });
     SettledTask of_another_job;
     of_another_job.result.digest = std::string(64, 'e');
     store.read([&](StoreSession& s) { return s.settle_task({"j1", 0, 4}, of_another_job); });
   }
   {
-    soci::session sql(soci::sqlite3, "db=" + folder.path + "/woodcock.sqlite");
+    soci::session sql(soci::sqlite3, "db=" + (folder / "woodcock.sqlite").string());
     for (const std::string table : {"settled", "results"})
       for (const std::string column : {"nonfinite", "clamped", "majorant_violations", "truncated"})
         sql << "alter table " + table + " drop column " + column;
@@ -112,6 +112,7 @@ TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
     sql << "alter table results drop column uses";
     sql << "alter table results drop column freed_ms";
     sql << "drop table deletions";
+    sql << "drop table submissions";
     for (const std::string index : {"jobs_by_time", "jobs_running", "jobs_uncounted", "settled_not_done"}) sql << "drop index " + index;
     sql << "alter table jobs drop column summary";
     sql << "alter table frames drop column counts";
@@ -126,7 +127,7 @@ TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
     sql << "update schema_version set version = 1";
   }
   for (int start = 0; start < 2; ++start) {
-    Store store(options(folder.path));
+    Store store(options(folder.path()));
     EXPECT_FALSE(store.read([](StoreSession& s) { return s.find_job("j1"); }).value().spec.quote.has_value());
     const SettledTask row = store.read([](StoreSession& s) { return s.settled({"j1", 0, 3}); }).value();
     EXPECT_EQ(row.result.digest, std::string(64, 'd'));
@@ -140,7 +141,7 @@ TEST(Store, F24ADatabaseOfTheFirstSchemaIsUpgradedAndKeepsItsRows) {
 
 TEST(Store, AResultIsCountedWhoeverTakesItLosesItOrGivesItBack) {
   const TemporaryFolder folder;
-  Store store(options(folder.path));
+  Store store(options(folder.path()));
   const std::string key = result('d').key;
   const auto uses = [&] { return store.read([&](StoreSession& s) { return s.uses_of_result(key); }); };
   const auto has = [&] { return store.read([&](StoreSession& s) { return s.find_result(key).has_value(); }); };
@@ -183,28 +184,28 @@ TEST(Store, AResultIsCountedWhoeverTakesItLosesItOrGivesItBack) {
 
 TEST(Store, TheFolderIsOpenedOnce) {
   const TemporaryFolder folder;
-  const Store store(options(folder.path));
-  EXPECT_THROW(Store(options(folder.path)), std::runtime_error);
+  const Store store(options(folder.path()));
+  EXPECT_THROW(Store(options(folder.path())), std::runtime_error);
 }
 
 TEST(Store, F24ANewerSchemaIsRefused) {
   const TemporaryFolder folder;
-  { const Store store(options(folder.path)); }
+  { const Store store(options(folder.path())); }
   {
-    soci::session sql(soci::sqlite3, "db=" + folder.path + "/woodcock.sqlite");
+    soci::session sql(soci::sqlite3, "db=" + (folder / "woodcock.sqlite").string());
     sql << "update schema_version set version = 99";
   }
-  EXPECT_THROW(Store(options(folder.path)), std::runtime_error);
+  EXPECT_THROW(Store(options(folder.path())), std::runtime_error);
 }
 
 TEST(Store, F17AWriteAfterTheLeadershipWasLostIsFatalAndNotMade) {
   const TemporaryFolder folder;
   std::promise<std::string> fatal;
-  StoreOptions o = options(folder.path);
+  StoreOptions o = options(folder.path());
   o.on_fatal = [&](const std::string& reason) { fatal.set_value(reason); };
   Store store(o);
   store.barrier();
-  soci::session other(soci::sqlite3, "db=" + folder.path + "/woodcock.sqlite timeout=5");
+  soci::session other(soci::sqlite3, "db=" + (folder / "woodcock.sqlite timeout=5").string());
   other << "update leader set term = term + 1";
   bool done = false;
   store.write([](StoreSession& s) { s.insert_job(test_job("j1")); }, [&] { done = true; });
@@ -217,7 +218,7 @@ TEST(Store, F17AWriteAfterTheLeadershipWasLostIsFatalAndNotMade) {
 
 TEST(BlobStore, AnUploadResumesAndAppearsOnlyWhenItsDigestIsRight) {
   const TemporaryFolder folder;
-  BlobStore blobs({folder.path, 1, kSecond}, 0);
+  BlobStore blobs({folder.path(), 1, kSecond}, 0);
   const std::string digest = rpc::blob_digest("hello world");
   blobs.begin_upload(digest, 11, 0, 0)->append("hello", 0);
   EXPECT_FALSE(blobs.contains(digest));
@@ -233,7 +234,7 @@ TEST(BlobStore, AnUploadResumesAndAppearsOnlyWhenItsDigestIsRight) {
 
 TEST(BlobStore, F06AFlippedBitIsRefusedInFlightAndFoundAtRest) {
   const TemporaryFolder folder;
-  BlobStore blobs({folder.path, 1, kSecond}, 0);
+  BlobStore blobs({folder.path(), 1, kSecond}, 0);
   const std::string digest = rpc::blob_digest("hello");
   {
     const auto upload = blobs.begin_upload(digest, 5, 0, 0);
@@ -249,7 +250,7 @@ TEST(BlobStore, F06AFlippedBitIsRefusedInFlightAndFoundAtRest) {
 
 TEST(BlobStore, CleanUpTakesOnlyWhatIsNeitherReferencedNorPinned) {
   const TemporaryFolder folder;
-  BlobStore blobs({folder.path, 1, 10 * kSecond}, 0);
+  BlobStore blobs({folder.path(), 1, 10 * kSecond}, 0);
   for (const char* text : {"referenced", "pinned", "orphan"}) put_blob(blobs, text);
   const std::string partial = rpc::blob_digest("partial");
   blobs.begin_upload(partial, 7, 0, 1)->append("part", 1);
@@ -267,7 +268,7 @@ TEST(BlobStore, CleanUpTakesOnlyWhatIsNeitherReferencedNorPinned) {
 
 TEST(BlobStore, F10AFullDiskIsSaidInsteadOfFilledUp) {
   const TemporaryFolder folder;
-  BlobStore blobs({folder.path, int64_t{1} << 60, kSecond}, 0);
+  BlobStore blobs({folder.path(), int64_t{1} << 60, kSecond}, 0);
   EXPECT_NE(blobs.shortage(), "");
   try {
     blobs.begin_upload(rpc::blob_digest("x"), 1, 0, 0);

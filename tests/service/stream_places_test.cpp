@@ -20,7 +20,7 @@ using Stream = std::unique_ptr<grpc::ClientWriter<v1::UploadRequest>>;
 
 struct Farm {
   const TemporaryFolder folder;
-  CoordinatorWorld world{folder.path};
+  CoordinatorWorld world{folder.path()};
   CoordinatorServer server{*world.coordinator, "127.0.0.1:0"};
   const std::shared_ptr<grpc::Channel> channel = rpc::make_channel(server.address());
   const std::unique_ptr<v1::BlobsService::Stub> blobs = v1::BlobsService::NewStub(channel);

@@ -229,5 +229,30 @@ TEST(Waiting, TheListIsDocumented) {
   EXPECT_EQ(reasons->value_count(), static_cast<int>(WaitingReason::MaxWorkers) + 1) << "both lists have the same";
 }
 
+TEST(Waiting, F03_AfterARestartAFrameIsCalledWhatItIs) {
+  SchedulerWorld world(2);
+  JobSpec spec = test_job("j1");
+  for (uint64_t i = 1; i < 3; ++i) {
+    spec.frames.push_back(spec.frames[0]);
+    spec.frames[i].header.frame = i;
+  }
+  FrameRow begun;
+  begun.pinned = true;
+  begun.build = "build";
+  begun.arithmetic_class = "class";
+  LeaseRow lease;
+  lease.lease_id = "L1-7";
+  lease.task = TaskRef{"j1", 0, 2};
+  lease.worker_id = "w1";
+  lease.epoch = (uint64_t{1} << 32) + 7;
+  // The first has a lease, the second had some, the third never began.
+  world.scheduler.recover_job(restored(spec, {}, {begun, begun, {}}, {}), {lease}, world.now);
+  const Job& job = *world.scheduler.find("j1");
+  EXPECT_EQ(job.row.state, JobState::Running);
+  EXPECT_EQ(job.frames[0].row.state, FrameState::Running);
+  EXPECT_EQ(job.frames[1].row.state, FrameState::Running);
+  EXPECT_EQ(job.frames[2].row.state, FrameState::Queued);
+}
+
 }  // namespace
 }  // namespace woodcock::coordinator

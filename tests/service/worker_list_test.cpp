@@ -64,7 +64,7 @@ TEST(WorkerList, AWorkerThatIsAwayForAMinuteIsNotListed) {
 
 TEST(WorkerList, IsToldInPagesWithoutLossOrRepetition) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   for (const char* name : {"w3", "w1", "w5", "w4", "w2"}) {
     world.sequence = 0;
     ASSERT_TRUE(world.sync(world.sync_request(name)).first.ok());
@@ -87,7 +87,7 @@ TEST(WorkerList, IsToldInPagesWithoutLossOrRepetition) {
 
 TEST(WorkerList, F22AWorkerCannotSteerTheTerminalOfWhoeverLooks) {
   const TemporaryFolder folder;
-  CoordinatorWorld world(folder.path);
+  CoordinatorWorld world(folder.path());
   const auto code = [&](const std::function<void(v1::SyncRequest&)>& spoil) {
     v1::SyncRequest request = world.sync_request("w1");
     spoil(request);

@@ -16,6 +16,7 @@ using coordinator::CoordinatorInside;
 using coordinator::Frame;
 using coordinator::Job;
 using coordinator::LeaseRow;
+using coordinator::LoadedJob;
 using coordinator::Scheduler;
 using coordinator::SettledTask;
 using coordinator::Store;
@@ -248,11 +249,12 @@ void Checks::compare_with_database(Coordinator& coordinator) {
   std::set<std::string> in_memory, in_database;
   for (const auto& [id, job] : scheduler.jobs()) {
     in_memory.insert(job.leases.begin(), job.leases.end());
-    const std::optional<Job> stored = store.look([&, name = id](StoreSession& session) { return session.load_job(name); });
-    if (!stored) {
+    const std::optional<LoadedJob> loaded = store.load_job(id);
+    if (!loaded) {
       world_.violate("job " + id + " is not in the database");
       continue;
     }
+    const Job* const stored = &loaded->job;
     const auto shows = [](const Job& it) {
       return fmt::format("{}{} with event {}, {} samples{}", to_string(it.row.state), it.row.paused ? ", paused," : "", it.row.last_event,
                          it.spec.samples(), it.spec.target ? fmt::format(" and up to {}", it.spec.target->max_samples) : "");

@@ -61,6 +61,7 @@ CoordinatorOptions Leader::options_of(const std::shared_ptr<Process>& process) {
   options.busy_sync_hold = kSecond;
   options.own_threads = false;
   options.store_batch = world_.plan.store_batch;
+  options.frames_a_step = 1;
   options.now = [this] { return world_.loop.now(); };
   options.unix_ms = [this] { return int64_t{1'700'000'000'000} + world_.loop.now() / kMillisecond; };
   options.make_id = [this] {
