@@ -1,7 +1,15 @@
 // F28: a scene that is damaged on the coordinator's disk, or in the cache of one worker.
 #include <signal.h>
 
+#include <map>
+#include <string>
+
+#include "rpc/channel.h"
+#include "rpc/manifest.h"
 #include "tests/service/farm_faults.h"
+#include "woodcock/v1/blobs_service.grpc.pb.h"
+#include "woodcock/v1/jobs_service.grpc.pb.h"
+#include "woodcock/v1/scenes_service.grpc.pb.h"
 
 namespace woodcock::testing_service {
 namespace {
@@ -73,18 +81,72 @@ TEST_F(F28, F28_ACacheThatCannotBeReadAfterARestartIsFetchedAgain) {
   EXPECT_TRUE(workers_.front()->running());
 }
 
-TEST_F(F28, F28_ASceneErrorOfAWorkerNamesFilesAsTheUserDoes) {
+/// Calls of the contract, as a program makes them that reads no scene.
+class F28Contract : public F28 {
+ protected:
+  std::string upload(const std::string& content) {
+    const auto stub = v1::BlobsService::NewStub(rpc::make_channel(address_));
+    grpc::ClientContext context;
+    rpc::set_deadline(context, kPatience);
+    v1::UploadResponse response;
+    const auto writer = stub->Upload(&context, &response);
+    v1::UploadRequest request;
+    request.mutable_header()->set_content_digest(rpc::blob_digest(content));
+    request.mutable_header()->set_total_bytes(static_cast<int64_t>(content.size()));
+    writer->Write(request);
+    request.set_chunk(content);
+    writer->Write(request);
+    writer->WritesDone();
+    const grpc::Status status = writer->Finish();
+    EXPECT_TRUE(status.ok()) << status.error_message();
+    return rpc::blob_digest(content);
+  }
+  /// The manifest of these files, uploaded with them.
+  std::string upload_scene(const std::map<std::string, std::string>& files) {
+    v1::SceneManifest manifest;
+    for (const auto& [name, content] : files) {
+      v1::SceneFile& file = *manifest.add_files();
+      file.set_path(name);
+      file.set_content_digest(upload(content));
+      file.set_bytes(static_cast<int64_t>(content.size()));
+    }
+    return upload(rpc::serialize_manifest(manifest));
+  }
+};
+
+TEST_F(F28Contract, F28_ASceneErrorOfAWorkerNamesFilesAsTheUserDoes) {
   start_coordinator();
+  // The request of a scene without faults, with another scene in its place: the client would refuse that one.
+  const std::string text = "Camera \"perspective\"\nWorldBegin\nLightSource \"infinite\"\n";
+  v1::SubmitSceneRequest good;
+  good.set_request_id("good");
+  good.mutable_settings()->mutable_resolution()->set_width(8);
+  good.mutable_settings()->mutable_resolution()->set_height(8);
+  good.mutable_settings()->set_samples(1);
+  good.add_files()->set_path("bad.pbrt");
+  good.mutable_files(0)->set_content(text);
+  v1::SubmitSceneResponse response;
+  {
+    grpc::ClientContext context;
+    rpc::set_deadline(context, kPatience);
+    const grpc::Status status = v1::ScenesService::NewStub(rpc::make_channel(address_))->SubmitScene(&context, good, &response);
+    ASSERT_TRUE(status.ok()) << status.error_message();
+  }
+  v1::SubmitJobRequest request = response.resolved();
+  request.set_request_id("bad");
+  request.mutable_frames(0)->set_manifest_digest(
+      upload_scene({{"bad.pbrt", text + "Shape \"plymesh\" \"string filename\" \"meshes/bad.ply\"\n"}, {"meshes/bad.ply", "nonsense"}}));
+  v1::SubmitJobResponse submitted;
+  grpc::ClientContext context;
+  rpc::set_deadline(context, kPatience);
+  const grpc::Status status = v1::JobsService::NewStub(rpc::make_channel(address_))->SubmitJob(&context, request, &submitted);
+  ASSERT_TRUE(status.ok()) << status.error_message();
   start_worker();
-  fs::create_directories(folder_ / "scene");
-  std::ofstream(path("scene/bad.pbrt")) << "Sampler \"zsobol\" \"integer pixelsamples\" 1\nCamera \"perspective\"\nWorldBegin\n"
-                                           "LightSource \"infinite\"\nShape \"plymesh\" \"string filename\" \"bad.ply\"\n";
-  std::ofstream(path("scene/bad.ply")) << "nonsense";
-  const std::string job = submit({path("scene/bad.pbrt"), "--resolution", "8x8"});
-  ASSERT_EQ(watch(job), 1);
-  const std::string shown = show(job).dump();
-  EXPECT_THAT(shown, HasSubstr("bad.pbrt:5:"));
-  EXPECT_THAT(shown, ::testing::Not(HasSubstr((folder_ / "worker0").string())));
+  ASSERT_EQ(watch(submitted.job_id()), 1);
+  const std::string shown = show(submitted.job_id()).dump();
+  EXPECT_THAT(shown, HasSubstr("bad.pbrt:4:"));
+  EXPECT_THAT(shown, HasSubstr("meshes/bad.ply"));
+  EXPECT_THAT(shown, ::testing::Not(HasSubstr((folder_ / "worker0").string()))) << "where the worker keeps them is its own business";
 }
 
 }  // namespace
