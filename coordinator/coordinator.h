@@ -190,6 +190,7 @@ class Coordinator {
   /// Makes a new job durable, one of many frames in steps. False where an earlier request did. Throws RpcError.
   bool insert_job(NewJob& rows);
   bool insert_in_steps(NewJob& rows);
+  class Arrival;
   void must_exist(const std::string& id);
   /// Runs `work` with the mutex held and the job in memory, read from the database where it has ended. Throws RpcError kNotFound.
   template <typename Work>
@@ -254,8 +255,10 @@ class Coordinator {
   std::condition_variable wake_assembler_;
   std::condition_variable wake_ticker_;
   std::condition_variable wake_housekeeper_;
+  std::condition_variable arrived_;
   // Guarded by mutex_:
   std::unique_ptr<Scheduler> scheduler_;
+  std::multiset<std::string> arriving_;  ///< jobs whose rows are being written, and which are not in the scheduler yet
   std::map<std::string, HeldSync> held_;
   std::map<std::string, std::shared_ptr<BlobStore::Hold>> answered_holds_;  ///< by worker, of the calls that one pump answers
   std::deque<AssembleJob> to_assemble_;

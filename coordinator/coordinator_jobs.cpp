@@ -147,6 +147,28 @@ bool Coordinator::insert_in_steps(NewJob& rows) {
   }
 }
 
+/// That a job is on its way from its rows to the scheduler.
+class Coordinator::Arrival {
+ public:
+  Arrival(Coordinator& coordinator, const std::string& id) : coordinator_(coordinator) {
+    const std::lock_guard lock(coordinator.mutex_);
+    place_ = coordinator.arriving_.insert(id);
+  }
+  ~Arrival() {
+    {
+      const std::lock_guard lock(coordinator_.mutex_);
+      coordinator_.arriving_.erase(place_);
+    }
+    coordinator_.arrived_.notify_all();
+  }
+  Arrival(const Arrival&) = delete;
+  Arrival& operator=(const Arrival&) = delete;
+
+ private:
+  Coordinator& coordinator_;
+  std::multiset<std::string>::iterator place_;
+};
+
 v1::SubmitJobResponse Coordinator::submit(const v1::SubmitJobRequest& request) {
   if (store_->backlog() > options_.max_backlog) rpc::fail_exhausted("the coordinator's database is behind; submit again later");
   if (const std::string shortage = blobs_.shortage(); !shortage.empty()) rpc::fail_exhausted(shortage);
@@ -154,14 +176,17 @@ v1::SubmitJobResponse Coordinator::submit(const v1::SubmitJobRequest& request) {
   const JobSpec spec = check_submit(request, blobs_, hold, options_.now(), options_.unix_ms());
   // The database has the job before anybody renders it.
   NewJob rows(spec);
+  Job job = make_job(spec);  // before it is inserted: who lists waits from then on
+  const Arrival arrival(*this, spec.id);
   const bool repeated = !insert_job(rows);
   if (!repeated) {
     options_.failpoint("job-inserted");  // durable, who submitted it does not know
-    Job job = make_job(std::move(rows.spec));
+    job.spec.policy = std::move(rows.spec.policy);
     locked([&] {
       if (!scheduler_->find(spec.id)) scheduler_->add_job(std::move(job));
       ++changes_;
     });
+    arrived_.notify_all();
     store_->flush();
   }
   v1::SubmitJobResponse response;
@@ -223,7 +248,9 @@ v1::ListJobsResponse Coordinator::list(int page_size, const std::string& page_to
   std::vector<std::pair<v1::Job*, std::string>> gone;
   for (const StoredJob& row : page) {
     v1::Job& view = *response.add_jobs();
-    const std::lock_guard lock(mutex_);
+    std::unique_lock lock(mutex_);
+    // Its rows were just committed. To read all of a large job would take longer than until it is in memory.
+    if (!has_ended(row.row.state)) arrived_.wait(lock, [&] { return scheduler_->find(row.spec.id) || !arriving_.contains(row.spec.id); });
     if (const Job* job = scheduler_->find(row.spec.id))
       view = job_view(*scheduler_, *job, false, options_.now());
     else if (row.summary)
