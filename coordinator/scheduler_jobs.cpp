@@ -95,9 +95,11 @@ void Scheduler::recover_job(Job recovered, const std::vector<LeaseRow>& leases, 
     if (frame.row.pinned && frame.row.state == FrameState::Queued) frame.row.state = FrameState::Running;
     if (frame.unsettled > 0 && !has_ended(frame.row.state)) set_ready(job, frame);
   }
+  // A crash may have come between the rows of a cancel: a frame is cancelled with its job alone.
+  if (std::any_of(job.frames.begin(), job.frames.end(), [](const Frame& frame) { return frame.row.state == FrameState::Cancelled; }))
+    cancel(id);
   for (const LeaseRow& row : leases) {
-    if (has_ended(job.row.state)) continue;
-    ActiveTask* task = open_task(row.task);
+    ActiveTask* task = has_ended(job.row.state) ? nullptr : open_task(row.task);
     if (!task) {
       actions_.push_back(action::DropLease{row.lease_id});
       continue;

@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
+#include <variant>
 
 #include "coordinator/task_grid.h"
 #include "tests/service/scheduler_fixture.h"
@@ -465,6 +467,32 @@ TEST(Scheduler, ARestartKeepsSettledTasksSplitsAndLeases) {
     EXPECT_NE(grant.task.number, 5);
     EXPECT_GT(grant.epoch, (uint64_t{1} << 32) + 9);
   }
+}
+
+TEST(Scheduler, F03_ACancelThatACrashCutInTwoIsFinishedAtTheStart) {
+  // The row of one frame was written, those of the other and of the job were not.
+  JobSpec spec = test_job("j1");
+  spec.frames.push_back(spec.frames[0]);
+  spec.frames[1].header.frame = 2;
+  FrameRow cancelled, running;
+  cancelled.state = FrameState::Cancelled;
+  running.pinned = true;
+  JobRow row;
+  row.state = JobState::Running;
+  std::vector<LeaseRow> leases(1);
+  leases[0].lease_id = "L1-7";
+  leases[0].task = TaskRef{"j1", 1, 0};
+  leases[0].worker_id = "w1";
+  leases[0].epoch = 7;
+  SchedulerWorld world(2);
+  world.scheduler.recover_job(restored(spec, row, {cancelled, running}, {}), leases, world.now);
+  const Job* job = world.scheduler.find("j1");
+  ASSERT_NE(job, nullptr);
+  EXPECT_EQ(job->row.state, JobState::Cancelled);
+  for (const Frame& frame : job->frames) EXPECT_EQ(frame.row.state, FrameState::Cancelled);
+  EXPECT_EQ(world.scheduler.live_leases(), 0u);
+  const std::vector<Action> actions = world.scheduler.take_actions();
+  EXPECT_TRUE(std::any_of(actions.begin(), actions.end(), [](const Action& a) { return std::holds_alternative<action::DropLease>(a); }));
 }
 
 TEST(TaskGrid, TasksPartitionPixelsTimesSamplesHoweverTheyAreSplit) {
