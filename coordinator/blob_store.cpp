@@ -5,9 +5,11 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 
 #include "renderer/core/sha256.h"
 
@@ -33,10 +35,11 @@ void sync_path(const std::string& path, int flags) {
 int64_t hash_file(const std::string& path, Sha256& hash, int64_t limit = INT64_MAX) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) fail("opening " + path, errno);
-  std::string buffer(1 << 16, '\0');
+  constexpr int64_t kPiece = 1 << 16;
+  const auto buffer = std::make_unique_for_overwrite<char[]>(kPiece);
   int64_t total = 0;
   while (total < limit) {
-    const ssize_t n = ::read(fd, buffer.data(), static_cast<size_t>(std::min<int64_t>(static_cast<int64_t>(buffer.size()), limit - total)));
+    const ssize_t n = ::read(fd, buffer.get(), static_cast<size_t>(std::min(kPiece, limit - total)));
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) {
       const int error = errno;
@@ -44,7 +47,7 @@ int64_t hash_file(const std::string& path, Sha256& hash, int64_t limit = INT64_M
       fail("reading " + path, error);
     }
     if (n == 0) break;
-    hash.raw(buffer.data(), static_cast<size_t>(n));
+    hash.raw(buffer.get(), static_cast<size_t>(n));
     total += n;
   }
   ::close(fd);

@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <soci/soci.h>
-#include <soci/sqlite3/soci-sqlite3.h>
 #include <spdlog/spdlog.h>
 
 #include <chrono>
@@ -13,6 +12,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "coordinator/statement_cache.h"
 #include "rpc/failure.h"
 
 namespace woodcock::coordinator {
@@ -114,7 +114,7 @@ Store::Store(const StoreOptions& options) : options_(options) {
            " is in use by another coordinator (its lock file is locked); stop that one or give another --dir");
   }
   try {
-    sql_ = std::make_unique<soci::session>(soci::sqlite3, "db=" + options.dir + "/woodcock.sqlite timeout=5");
+    sql_ = std::make_unique<soci::session>(caching_sqlite3(), "db=" + options.dir + "/woodcock.sqlite timeout=5");
     soci::session& sql = *sql_;
     // WAL has a corruption bug in this SQLite with several connections; DELETE does not sync the directory.
     std::string mode;

@@ -1,12 +1,10 @@
 // A copy of the database beside what is written: pages go over between two transactions, so that nobody waits for more than some of them.
 #include <unistd.h>
 
-#include <soci/soci.h>
-#include <soci/sqlite3/soci-sqlite3.h>
-
 #include <stdexcept>
 #include <utility>
 
+#include "coordinator/statement_cache.h"
 #include "coordinator/store.h"
 #include "coordinator/store_sql.h"
 
@@ -103,7 +101,7 @@ void Store::step_copy() {
   std::exception_ptr error;
   try {
     if (stopping) copy->fail("the coordinator is stopping");
-    if (!copy->backup) copy->begin(static_cast<soci::sqlite3_session_backend*>(sql_->get_backend())->conn_);
+    if (!copy->backup) copy->begin(connection_of(*sql_));
     if (!copy->step()) return;
   } catch (const std::exception&) {
     error = std::current_exception();

@@ -1,13 +1,13 @@
 // The statements of the store: jobs and their frames.
 #include <soci/soci.h>
 
-#include <google/protobuf/util/json_util.h>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <charconv>
 #include <stdexcept>
 
+#include "coordinator/row_json.h"
 #include "coordinator/store.h"
 #include "coordinator/store_sql.h"
 #include "rpc/convert.h"
@@ -19,21 +19,10 @@ namespace {
 using soci::into;
 using soci::use;
 
-std::string to_json(const google::protobuf::Message& message) {
-  std::string json;
-  google::protobuf::util::JsonPrintOptions options;
-  options.preserve_proto_field_names = true;
-  if (!google::protobuf::util::MessageToJsonString(message, &json, options).ok()) throw std::runtime_error("a message has no JSON form");
-  return json;
-}
-
 template <typename Message>
 Message from_json(const std::string& json) {
   Message message;
-  google::protobuf::util::JsonParseOptions options;
-  options.ignore_unknown_fields = true;
-  if (!google::protobuf::util::JsonStringToMessage(json, &message, options).ok())
-    throw std::runtime_error("malformed JSON in the database: " + json);
+  from_row_json(json, message);
   return message;
 }
 
@@ -97,8 +86,8 @@ std::vector<std::vector<int64_t>> parse_passes(const std::string& text, PixelRec
 
 }  // namespace
 
-NewJob::NewJob(const JobSpec& job) : spec(job), settings(to_json(rpc::to_wire(job.settings, job.tile_size))) {
-  for (const FrameSpec& frame : job.frames) headers.push_back(to_json(rpc::to_wire(frame.header)));
+NewJob::NewJob(const JobSpec& job) : spec(job), settings(to_row_json(rpc::to_wire(job.settings, job.tile_size))) {
+  for (const FrameSpec& frame : job.frames) headers.push_back(to_row_json(rpc::to_wire(frame.header)));
 }
 
 bool StoreSession::insert_job(const NewJob& job, size_t first) {

@@ -279,24 +279,23 @@ std::set<std::string> StoreSession::manifests() {
 std::vector<std::pair<TableKey, std::string>> StoreSession::digests(Table table, const TableKey& after, int limit) {
   const Integer frame = after.frame, number = after.number, count = limit;
   std::vector<std::pair<TableKey, std::string>> page;
-  if (table == Table::Results) {
-    const soci::rowset<soci::row> rows =
-        (sql_.prepare << "select result_key, digest from results where result_key > :k order by result_key limit :l", use(after.text),
-         use(count));
-    for (const soci::row& r : rows) page.emplace_back(TableKey{r.get<std::string>(0)}, r.get<std::string>(1));
-  } else if (table == Table::Settled) {
-    const soci::rowset<soci::row> rows =
-        (sql_.prepare << "select job_id, frame, number, digest from settled where (job_id, frame, number) > (:j, :f, :n)"
-                         " order by job_id, frame, number limit :l",
-         use(after.text), use(frame), use(number), use(count));
-    for (const soci::row& r : rows)
-      page.emplace_back(TableKey{r.get<std::string>(0), r.get<Integer>(1), r.get<Integer>(2)}, r.get<std::string>(3));
-  } else {
-    const soci::rowset<soci::row> rows =
-        (sql_.prepare << "select job_id, frame, image_digest from frames where (job_id, frame) > (:j, :f) order by job_id, frame limit :l",
-         use(after.text), use(frame), use(count));
-    for (const soci::row& r : rows) page.emplace_back(TableKey{r.get<std::string>(0), r.get<Integer>(1)}, r.get<std::string>(2));
-  }
+  // A clean-up reads all of them: straight into these.
+  std::string text, digest;
+  Integer row_frame = -1, row_number = -1;
+  const auto read = [&](soci::statement statement) {
+    statement.execute();
+    while (statement.fetch()) page.emplace_back(TableKey{text, row_frame, row_number}, digest);
+  };
+  if (table == Table::Results)
+    read((sql_.prepare << "select result_key, digest from results where result_key > :k order by result_key limit :l", use(after.text),
+          use(count), into(text), into(digest)));
+  else if (table == Table::Settled)
+    read((sql_.prepare << "select job_id, frame, number, digest from settled where (job_id, frame, number) > (:j, :f, :n)"
+                          " order by job_id, frame, number limit :l",
+          use(after.text), use(frame), use(number), use(count), into(text), into(row_frame), into(row_number), into(digest)));
+  else
+    read((sql_.prepare << "select job_id, frame, image_digest from frames where (job_id, frame) > (:j, :f) order by job_id, frame limit :l",
+          use(after.text), use(frame), use(count), into(text), into(row_frame), into(digest)));
   return page;
 }
 

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "tests/service/simulator/inside.h"
 
@@ -90,19 +91,47 @@ void Checks::check_leases(const Scheduler& scheduler, const Step& given) {
   Step step = given;
   bool restarted = false;
   if (step.report && !take_in(*step.report, restarted)) step.report = nullptr;
-  std::map<std::string, TaskRef> live;
+  size_t all = 0;
+  bool any_new = false;
   for (const auto& [id, job] : scheduler.jobs()) {
     size_t of_tasks = 0;
     for (size_t f = 0; f < job.frames.size(); ++f)
       for (const auto& [number, task] : job.frames[f].active) {
         of_tasks += task.leases.size();
         if (task.leases.size() > 2) world_.violate(fmt::format("task {}.{}.{} has {} attempts", id, f, number, task.leases.size()));
-        for (const std::string& lease : task.leases) live.emplace(lease, TaskRef{id, static_cast<int>(f), number});
+        for (const std::string& lease : task.leases) any_new = any_new || !leases_.contains(lease);
       }
+    all += of_tasks;
     if (of_tasks != job.leases.size()) world_.violate("job " + id + " counts other leases than its tasks have");
   }
-  if (live.size() != scheduler.live_leases()) world_.violate("a lease lives that no task knows");
+  if (all != scheduler.live_leases()) world_.violate("a lease lives that no task knows, or that two have");
+  // Most steps end no lease and begin none.
+  if (any_new || all != leases_.size()) take_in_leases(scheduler, step, restarted);
+  if (step.report) {
+    for (const v1::LeaseReport& report : step.report->leases()) {
+      const auto known = leases_.find(report.lease_id());
+      if (known == leases_.end()) continue;
+      Lease& lease = known->second;
+      if (lease.worker.empty() || lease.worker != step.report->worker_id() || lease.epoch != report.epoch()) continue;
+      if (report.renewal_counter() != lease.counter) lease.renewed = now;
+      lease.counter = report.renewal_counter();
+    }
+  }
+  if (std::string_view(step.name) != "tick") return;
+  for (const auto& [id, lease] : leases_)
+    if (now - lease.renewed > kLease + kGrace)
+      world_.violate(fmt::format("lease {} of task {} is {:.1f} s old without a renewal and does not expire", id, to_string(lease.task),
+                                 static_cast<double>(now - lease.renewed) / static_cast<double>(kSecond)));
+}
 
+/// Those that ended in the step, and those that began.
+void Checks::take_in_leases(const Scheduler& scheduler, const Step& step, bool restarted) {
+  const Time now = world_.loop.now();
+  std::map<std::string, TaskRef> live;
+  for (const auto& [id, job] : scheduler.jobs())
+    for (size_t f = 0; f < job.frames.size(); ++f)
+      for (const auto& [number, task] : job.frames[f].active)
+        for (const std::string& lease : task.leases) live.emplace(lease, TaskRef{id, static_cast<int>(f), number});
   for (auto it = leases_.begin(); it != leases_.end();) {
     if (!live.contains(it->first)) {
       check_end(it->first, it->second, scheduler, step, restarted);
@@ -130,21 +159,6 @@ void Checks::check_leases(const Scheduler& scheduler, const Step& given) {
         }
     leases_.emplace(id, lease);
   }
-  if (step.report) {
-    for (const v1::LeaseReport& report : step.report->leases()) {
-      const auto known = leases_.find(report.lease_id());
-      if (known == leases_.end()) continue;
-      Lease& lease = known->second;
-      if (lease.worker.empty() || lease.worker != step.report->worker_id() || lease.epoch != report.epoch()) continue;
-      if (report.renewal_counter() != lease.counter) lease.renewed = now;
-      lease.counter = report.renewal_counter();
-    }
-  }
-  if (std::string_view(step.name) != "tick") return;
-  for (const auto& [id, lease] : leases_)
-    if (now - lease.renewed > kLease + kGrace)
-      world_.violate(fmt::format("lease {} of task {} is {:.1f} s old without a renewal and does not expire", id, to_string(lease.task),
-                                 static_cast<double>(now - lease.renewed) / static_cast<double>(kSecond)));
 }
 
 /// A lease ends for a reason, and none but these.
@@ -228,28 +242,62 @@ void Checks::shown(const v1::Job& job, bool extended) {
 // --- what is durable ---------------------------------------------------------------------------------------------
 
 void Checks::check_acknowledged(Coordinator& coordinator) {
-  Store& store = CoordinatorInside::store(coordinator);
+  // One transaction for all of them.
+  const auto rows = CoordinatorInside::store(coordinator).look([this](StoreSession& session) {
+    std::vector<std::optional<SettledTask>> found;
+    for (const auto& [id, digest] : acknowledged_) found.push_back(session.settled(coordinator::parse_task_id(id).value()));
+    return found;
+  });
+  auto row = rows.begin();
   for (const auto& [id, digest] : acknowledged_) {
+    const std::optional<SettledTask>& stored = *row++;
     if (world_.damaged.contains(digest)) continue;
-    const TaskRef task = coordinator::parse_task_id(id).value();
-    const std::optional<SettledTask> row = store.look([&](StoreSession& session) { return session.settled(task); });
     std::string why;
-    if (!row || row->state != TaskState::Done)
+    if (!stored || stored->state != TaskState::Done)
       world_.violate("the result of task " + id + " was acknowledged and is lost");
-    else if (row->result.digest != digest)
+    else if (stored->result.digest != digest)
       world_.violate("the result of task " + id + " was acknowledged and is another now");
     else if (!coordinator.blobs().verify(digest, &why))
       world_.violate("the result of task " + id + " was acknowledged: " + why);
   }
 }
 
+namespace {
+
+/// What the database has of the jobs in memory.
+struct Durable {
+  struct Rows {
+    std::optional<LoadedJob> loaded;
+    std::map<std::pair<int, int64_t>, SettledTask> settled;
+  };
+  std::map<std::string, Rows> jobs;
+  std::set<std::string> leases;
+};
+
+Durable read_durable(const Scheduler& scheduler, StoreSession& session) {
+  Durable durable;
+  for (const auto& [id, job] : scheduler.jobs()) {
+    Durable::Rows& rows = durable.jobs[id];
+    rows.loaded = session.load_job(id);
+    while (rows.loaded && session.load_frames(*rows.loaded, 1000)) {
+    }
+    for (const SettledTask& row : session.settled_from({id, 0, 0}, {}, false, 10'000))
+      rows.settled.emplace(std::pair(row.frame, row.number), row);
+  }
+  for (const LeaseRow& row : session.load_leases()) durable.leases.insert(row.lease_id);
+  return durable;
+}
+
+}  // namespace
+
 void Checks::compare_with_database(Coordinator& coordinator) {
   const Scheduler& scheduler = CoordinatorInside::scheduler(coordinator);
-  Store& store = CoordinatorInside::store(coordinator);
-  std::set<std::string> in_memory, in_database;
+  const Durable durable =
+      CoordinatorInside::store(coordinator).look([&](StoreSession& session) { return read_durable(scheduler, session); });
+  std::set<std::string> in_memory;
   for (const auto& [id, job] : scheduler.jobs()) {
     in_memory.insert(job.leases.begin(), job.leases.end());
-    const std::optional<LoadedJob> loaded = store.load_job(id);
+    const auto& [loaded, rows] = durable.jobs.at(id);
     if (!loaded) {
       world_.violate("job " + id + " is not in the database");
       continue;
@@ -261,11 +309,6 @@ void Checks::compare_with_database(Coordinator& coordinator) {
     };
     if (shows(*stored) != shows(job))
       world_.violate(fmt::format("job {} is {} in memory, and {} in the database", id, shows(job), shows(*stored)));
-    std::map<std::pair<int, int64_t>, SettledTask> rows;
-    for (const SettledTask& row : store.look([&, name = id](StoreSession& session) {
-           return session.settled_from({name, 0, 0}, {}, false, 10'000);
-         }))
-      rows.emplace(std::pair(row.frame, row.number), row);
     for (size_t f = 0; f < job.frames.size(); ++f) {
       const Frame& frame = job.frames[f];
       const coordinator::FrameRow& row = stored->frames.at(f).row;
@@ -275,11 +318,11 @@ void Checks::compare_with_database(Coordinator& coordinator) {
                                    to_string(row.state)));
       for (int64_t n = 0; n < frame.tasks.size(); ++n) {
         const auto settled = rows.find({static_cast<int>(f), n});
-        const TaskState durable = settled == rows.end() ? TaskState::Open : settled->second.state;
-        if (frame.tasks.state(n) != durable)
+        const TaskState state = settled == rows.end() ? TaskState::Open : settled->second.state;
+        if (frame.tasks.state(n) != state)
           world_.violate(fmt::format("task {}.{}.{} has state {} in memory and {} in the database", id, f, n,
-                                     static_cast<int>(frame.tasks.state(n)), static_cast<int>(durable)));
-        if (durable != TaskState::Done) continue;
+                                     static_cast<int>(frame.tasks.state(n)), static_cast<int>(state)));
+        if (state != TaskState::Done) continue;
         const std::string task = to_string(TaskRef{id, static_cast<int>(f), n});
         const std::string& digest = settled->second.result.digest;
         const auto [known, first] = settled_.emplace(task, digest);
@@ -289,9 +332,8 @@ void Checks::compare_with_database(Coordinator& coordinator) {
       }
     }
   }
-  for (const LeaseRow& row : store.look([](StoreSession& session) { return session.load_leases(); })) in_database.insert(row.lease_id);
-  if (in_memory != in_database)
-    world_.violate(fmt::format("{} leases live in memory and {} in the database", in_memory.size(), in_database.size()));
+  if (in_memory != durable.leases)
+    world_.violate(fmt::format("{} leases live in memory and {} in the database", in_memory.size(), durable.leases.size()));
 }
 
 void Checks::finally(Coordinator& coordinator) {

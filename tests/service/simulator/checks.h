@@ -51,6 +51,7 @@ class Checks {
   /// Whether the report is newer than what this leader has heard of the worker; `restarted`: it is of a newer process.
   bool take_in(const v1::SyncRequest& report, bool& restarted);
   void check_leases(const coordinator::Scheduler& scheduler, const Step& given);
+  void take_in_leases(const coordinator::Scheduler& scheduler, const Step& step, bool restarted);
   void check_end(const std::string& id, const Lease& lease, const coordinator::Scheduler& scheduler, const Step& step, bool restarted);
   void check_counts(const coordinator::Scheduler& scheduler);
   void check_acknowledged(coordinator::Coordinator& coordinator);

@@ -8,9 +8,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
-#include <fstream>
 #include <stdexcept>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 namespace woodcock::simulator {
@@ -22,19 +24,50 @@ ForgetfulDisk* watching = nullptr;
 
 constexpr size_t kBlock = 4096;
 
+/// Reads the whole file into `bytes`, whose memory is used again. False where it was not opened for that.
+bool read_into(std::string& bytes, int file, off_t size) {
+  bytes.resize(static_cast<size_t>(size));
+  for (size_t done = 0; done < bytes.size();) {
+    const ssize_t n = ::pread(file, bytes.data() + done, bytes.size() - done, static_cast<off_t>(done));
+    if (n < 0) return false;
+    if (n == 0) bytes.resize(done);
+    done += static_cast<size_t>(n);
+  }
+  return true;
+}
+
+void read_into(std::string& bytes, const std::string& path) {
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  struct stat status {};
+  if (file < 0 || ::fstat(file, &status) != 0 || !read_into(bytes, file, status.st_size)) bytes.clear();
+  if (file >= 0) ::close(file);
+}
+
 std::string read_all(const std::string& path) {
   std::string bytes;
-  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (file < 0) return bytes;
-  struct stat status {};
-  ::fstat(file, &status);
-  bytes.resize(static_cast<size_t>(status.st_size));
-  size_t done = 0;
-  for (ssize_t n = 1; done < bytes.size() && n > 0; done += static_cast<size_t>(std::max<ssize_t>(n, 0)))
-    n = ::pread(file, bytes.data() + done, bytes.size() - done, static_cast<off_t>(done));
-  ::close(file);
-  bytes.resize(done);
+  read_into(bytes, path);
   return bytes;
+}
+
+ino_t write_file(const std::string& path, std::string_view bytes) {
+  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  struct stat status {};
+  bool written = file >= 0 && ::fstat(file, &status) == 0;
+  while (written && !bytes.empty()) {
+    const ssize_t n = ::write(file, bytes.data(), bytes.size());
+    written = n > 0;
+    if (written) bytes.remove_prefix(static_cast<size_t>(n));
+  }
+  if (file >= 0) ::close(file);
+  if (!written) throw std::runtime_error("the simulated disk cannot write " + path);
+  return status.st_ino;
+}
+
+ino_t make_folder(const std::string& path) {
+  struct stat status {};
+  if ((::mkdir(path.c_str(), 0755) != 0 && errno != EEXIST) || ::stat(path.c_str(), &status) != 0)
+    throw std::runtime_error("the simulated disk cannot make the folder " + path);
+  return status.st_ino;
 }
 
 struct Entry {
@@ -108,7 +141,8 @@ bool ForgetfulDisk::sync(int descriptor) {
     names.clear();
     for (const Entry& entry : entries(path)) names.emplace(entry.name, entry.inode);
   } else {
-    bytes_[status.st_ino] = read_all(link);
+    std::string& bytes = bytes_[status.st_ino];
+    if (!read_into(bytes, descriptor, status.st_size)) read_into(bytes, link);
   }
   return true;
 }
@@ -153,31 +187,46 @@ void ForgetfulDisk::gather(const fs::path& folder, const std::string& prefix, co
   }
 }
 
-void ForgetfulDisk::lay_out(const DiskImage& image, const fs::path& folder) {
-  fs::create_directories(folder);
-  for (const std::string& name : image.folders) fs::create_directories(folder / name);
-  for (const auto& [name, bytes] : image.files) {
-    const std::string path = folder / name;
-    std::ofstream(path, std::ios::binary) << bytes;
-    struct stat status {};
-    if (::stat(path.c_str(), &status) != 0) throw std::runtime_error("the simulated disk cannot write " + path);
-    bytes_[status.st_ino] = bytes;
+void ForgetfulDisk::lay_out(DiskImage image, const fs::path& folder) {
+  const std::string root = folder.string();
+  const auto name_it = [&](const std::string& name, ino_t inode) {
+    const size_t slash = name.rfind('/');
+    const bool at_top = slash == std::string::npos;
+    names_[at_top ? root : root + "/" + name.substr(0, slash)].emplace(at_top ? name : name.substr(slash + 1), inode);
+  };
+  make_folder(root);
+  names_[root];
+  // A folder comes before what lies in it.
+  for (const std::string& name : image.folders) {
+    name_it(name, make_folder(root + "/" + name));
+    names_[root + "/" + name];
   }
-  std::set<std::string> all{""};
-  for (const std::string& name : image.folders) all.insert("/" + name);
-  for (const std::string& name : all) {
-    Names& names = names_[folder.string() + name];
-    for (const Entry& entry : entries(folder.string() + name)) names.emplace(entry.name, entry.inode);
+  for (auto& [name, bytes] : image.files) {
+    const ino_t inode = write_file(root + "/" + name, bytes);
+    name_it(name, inode);
+    bytes_[inode] = std::move(bytes);
   }
 }
 
+void ForgetfulDisk::remove_below(const std::string& folder) {
+  for (const Entry& entry : entries(folder)) {
+    const std::string path = folder + "/" + entry.name;
+    if (entry.is_folder) {
+      remove_below(path);
+    } else {
+      bytes_.erase(entry.inode);
+      ::unlink(path.c_str());
+    }
+  }
+  names_.erase(folder);
+  ::rmdir(folder.c_str());
+}
+
 void ForgetfulDisk::remove(const fs::path& folder) {
-  std::unordered_map<ino_t, std::string> paths;
-  find_paths(folder, paths);
-  for (const auto& [inode, path] : paths) bytes_.erase(inode);
-  for (auto it = names_.lower_bound(folder); it != names_.end() && it->first.starts_with(folder.string());) it = names_.erase(it);
-  std::error_code ignored;
-  fs::remove_all(folder, ignored);
+  remove_below(folder.string());
+  // Folders that went before it did are durable names all the same.
+  for (auto it = names_.lower_bound(folder.string() + "/"); it != names_.end() && it->first.starts_with(folder.string() + "/");)
+    it = names_.erase(it);
 }
 
 }  // namespace woodcock::simulator

@@ -41,7 +41,7 @@ class ForgetfulDisk {
   /// The same after a power cut: what is durable, and of the rest some, at random: each block of 4 KiB of a file, each name.
   DiskImage after_power_cut(const std::filesystem::path& folder, Random& random) const;
   /// Makes the folder of an image; all of it is durable.
-  void lay_out(const DiskImage& image, const std::filesystem::path& folder);
+  void lay_out(DiskImage image, const std::filesystem::path& folder);
   /// Removes the folder.
   void remove(const std::filesystem::path& folder);
 
@@ -53,6 +53,7 @@ class ForgetfulDisk {
 
   void gather(const std::filesystem::path& folder, const std::string& prefix, const std::unordered_map<ino_t, std::string>& paths,
               Random& random, DiskImage& image) const;
+  void remove_below(const std::string& folder);
 
   const std::string root_;
   std::unordered_map<ino_t, std::string> bytes_;  ///< durable ones, by inode

@@ -93,9 +93,9 @@ void Leader::start() {
   const auto process = std::make_shared<Process>();
   process->life = ++lives_;
   process->folder = world_.folder / fmt::format("coordinator-{}", process->life);
-  world_.disk.lay_out(left_, process->folder);
-  present_ = process;
   world_.journal.say("coordinator", "starts on {} files", left_.files.size());
+  world_.disk.lay_out(std::exchange(left_, {}), process->folder);
+  present_ = process;
   std::optional<std::string> error;
   running_ = process;
   error = rpc::failure_of([&] { process->coordinator = std::make_unique<Coordinator>(options_of(process)); });
@@ -200,12 +200,12 @@ void Leader::upload(const std::string& digest, const std::string& bytes, const s
   const auto process = present_;
   if (!process) return reply(false);
   std::string sent = bytes;
-  if (world_.goes_wrong(world_.plan.damage_upload)) {
+  if (world_.goes_wrong(Mishap::kUploadDamaged, world_.plan.damage_upload)) {
     sent[static_cast<size_t>(world_.random.below(static_cast<int64_t>(sent.size())))] ^= 1;
     world_.journal.say("network", "flips a bit of upload {:.8}", digest);
   }
   // Some arrive in two pieces, between which anything happens, and some end in the middle.
-  const bool cut = world_.goes_wrong(world_.plan.cut_upload);
+  const bool cut = world_.goes_wrong(Mishap::kUploadCut, world_.plan.cut_upload);
   const auto total = static_cast<int64_t>(sent.size());
   bool stored = false, goes_on = false;
   const uint64_t number = ++process->next_upload;
@@ -257,6 +257,7 @@ void Leader::pass(const std::string& point) {
   if (running_ != present_ || running_->dead || until_crash_ == 0 || --until_crash_ > 0) return;
   world_.journal.say("coordinator", "{} at \"{}\"", crash_cuts_power_ ? "loses its power" : "is killed", point);
   if (point != "sync") world_.crashed_at.insert(point);
+  world_.injected.count(crash_cuts_power_ ? Fault::kCutCoordinatorsPowerAt : Fault::kKillCoordinatorAt);
   end(crash_cuts_power_);
 }
 
@@ -305,6 +306,7 @@ void Leader::crash_at(int n, bool power_cut) {
 void Leader::stop() {
   if (!present_ || running_) return;
   world_.journal.say("coordinator", "stops");
+  world_.injected.count(Fault::kStopCoordinator);
   until_crash_ = 0;
   present_->uploads.clear();
   running_ = present_;
@@ -318,6 +320,7 @@ void Leader::replace() {
   if (!present_ || outdated_ || running_) return;
   world_.journal.say("coordinator", "is replaced and goes on");
   ++world_.outdated_leaders;
+  world_.injected.count(Fault::kReplaceLeader);
   outdated_ = present_;
   outdated_->outdated = true;
   until_crash_ = 0;

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 
@@ -33,7 +35,46 @@ enum class Fault {
   kStaleReports,     ///< reports with epochs that are not those of the leases, in the name of a worker
   kDamageStoredByte  ///< of a committed result
 };
-inline constexpr size_t kFaultKinds = 13;
+inline constexpr std::array<const char*, 13> kFaultNames{"coordinator killed",
+                                                         "coordinator killed at a sync or failpoint",
+                                                         "power of the coordinator cut",
+                                                         "power of the coordinator cut at a sync or failpoint",
+                                                         "coordinator stopped",
+                                                         "coordinator replaced while it goes on",
+                                                         "worker killed",
+                                                         "power of a worker cut",
+                                                         "worker frozen",
+                                                         "worker drained",
+                                                         "link cut",
+                                                         "reports with false epochs",
+                                                         "stored byte damaged"};
+inline constexpr size_t kFaultKinds = kFaultNames.size();
+
+/// What goes wrong with a message, an upload or an attempt, each with a chance of its own.
+enum class Mishap {
+  kMessageLost,
+  kMessageRepeated,
+  kMessageLate,
+  kUploadDamaged,
+  kUploadCut,
+  kAttemptCrashed,
+  kAttemptSlow,
+  kResultMiscomputed,
+  kSceneLost
+};
+inline constexpr std::array<const char*, 9> kMishapNames{"message lost",   "message repeated",   "message late",
+                                                         "upload damaged", "upload cut",         "attempt crashed",
+                                                         "attempt slow",   "result miscomputed", "scene lost"};
+inline constexpr size_t kMishapKinds = kMishapNames.size();
+
+/// How often each kind of fault and of mishap came.
+struct Injected {
+  std::array<int64_t, kFaultKinds> faults{};
+  std::array<int64_t, kMishapKinds> mishaps{};
+
+  void count(Fault fault) { ++faults[static_cast<size_t>(fault)]; }
+  void count(Mishap mishap) { ++mishaps[static_cast<size_t>(mishap)]; }
+};
 
 struct Plan {
   int workers = 3, jobs = 1;

@@ -1,6 +1,7 @@
 #include "tests/service/simulator/simulation.h"
 
 #include <fmt/format.h>
+#include <malloc.h>
 #include <spdlog/sinks/ostream_sink.h>
 #include <spdlog/spdlog.h>
 
@@ -30,16 +31,23 @@ void World::violate(const std::string& what) {
 
 void World::send(const std::string& peer, Way way, std::function<void()> deliver) {
   if (const auto link = cut.find(peer); link != cut.end() && link->second.contains(way)) return;
-  if (goes_wrong(plan.lose)) return;
-  const int copies = goes_wrong(plan.duplicate) ? 2 : 1;
+  if (goes_wrong(Mishap::kMessageLost, plan.lose)) return;
+  const int copies = goes_wrong(Mishap::kMessageRepeated, plan.duplicate) ? 2 : 1;
   for (int i = 0; i < copies; ++i)
-    loop.after(goes_wrong(plan.slow) ? time(100 * kMillisecond, 5 * kSecond) : time(100'000, 20 * kMillisecond), deliver);
+    loop.after(goes_wrong(Mishap::kMessageLate, plan.slow) ? time(100 * kMillisecond, 5 * kSecond) : time(100'000, 20 * kMillisecond),
+               deliver);
 }
 
 namespace {
 
 /// The longest that everything may take to end once nothing goes wrong any more.
 constexpr Time kPatience = 1500 * kSecond;
+
+/// Copies of a database are larger than what malloc keeps: without this each one is memory that the kernel maps and clears anew.
+void keep_memory() {
+  static const bool once = ::mallopt(M_MMAP_THRESHOLD, 16 << 20) == 1 && ::mallopt(M_TRIM_THRESHOLD, 64 << 20) == 1;
+  static_cast<void>(once);
+}
 
 /// A scene that is there from the start, so that no schedule spends its time on its upload.
 std::string add_scene(DiskImage& disk) {
@@ -97,12 +105,13 @@ class Faults {
     size_t kind = 0;
     while (chosen >= world_.plan.weight[kind]) chosen -= world_.plan.weight[kind++];
     Worker& worker = some_worker();
+    const auto fault = static_cast<Fault>(kind);
     const Time span = world_.random.chance(0.3) ? world_.time(8 * kSecond, 20 * kSecond) : world_.time(kSecond, 6 * kSecond);
-    switch (static_cast<Fault>(kind)) {
+    switch (fault) {
       case Fault::kKillCoordinator:
-        return world_.leader->crash(false);
       case Fault::kCutCoordinatorsPower:
-        return world_.leader->crash(true);
+        if (world_.leader->up()) world_.injected.count(fault);
+        return world_.leader->crash(fault == Fault::kCutCoordinatorsPower);
       case Fault::kKillCoordinatorAt:
         return world_.leader->crash_at(static_cast<int>(world_.random.between(1, 30)), false);
       case Fault::kCutCoordinatorsPowerAt:
@@ -112,9 +121,9 @@ class Faults {
       case Fault::kReplaceLeader:
         return world_.leader->replace();
       case Fault::kKillWorker:
-        return worker.crash(false);
       case Fault::kCutWorkersPower:
-        return worker.crash(true);
+        if (worker.running()) world_.injected.count(fault);
+        return worker.crash(fault == Fault::kCutWorkersPower);
       case Fault::kFreezeWorker:
         worker.freeze();
         // Meanwhile somebody may speak for it.
@@ -127,6 +136,7 @@ class Faults {
         std::set<Way>& ways = world_.cut[peer];
         if (world_.random.chance(0.7)) ways.insert(Way::kToCoordinator);
         if (ways.empty() || world_.random.chance(0.7)) ways.insert(Way::kFromCoordinator);
+        world_.injected.count(fault);
         world_.journal.say("network", "is cut for {}, {} ways", peer, ways.size());
         world_.loop.after(span, [this, peer] { world_.cut.erase(peer); });
         return;
@@ -139,6 +149,7 @@ class Faults {
         const auto result = std::next(all.begin(), world_.random.below(static_cast<int64_t>(all.size())));
         if (!world_.leader->damage(result->second)) return;
         world_.damaged.insert(result->second);
+        world_.injected.count(fault);
         world_.journal.say("coordinator", "has a damaged byte in the result {:.8} of task {}", result->second, result->first);
         return;
       }
@@ -223,7 +234,20 @@ class LogOf {
 
 }  // namespace
 
+void Outcome::add(const Outcome& other) {
+  crashed_at.insert(other.crashed_at.begin(), other.crashed_at.end());
+  acknowledged += other.acknowledged;
+  restarts += other.restarts;
+  power_cuts += other.power_cuts;
+  outdated_leaders += other.outdated_leaders;
+  failed_attempts += other.failed_attempts;
+  damaged += other.damaged;
+  for (size_t i = 0; i < kFaultKinds; ++i) injected.faults[i] += other.injected.faults[i];
+  for (size_t i = 0; i < kMishapKinds; ++i) injected.mishaps[i] += other.injected.mishaps[i];
+}
+
 Outcome simulate(Profile profile, uint64_t seed, const std::filesystem::path& folder, std::ostream* log) {
+  keep_memory();
   const LogOf log_of(log);
   Outcome outcome;
   {
@@ -237,6 +261,7 @@ Outcome simulate(Profile profile, uint64_t seed, const std::filesystem::path& fo
     outcome.outdated_leaders = world.outdated_leaders;
     outcome.failed_attempts = world.failed_attempts;
     outcome.damaged = static_cast<int64_t>(world.damaged.size());
+    outcome.injected = world.injected;
   }
   for (const auto& entry : std::filesystem::directory_iterator(folder)) std::filesystem::remove_all(entry);
   return outcome;

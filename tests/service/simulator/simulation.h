@@ -16,6 +16,10 @@ struct Outcome {
   std::optional<std::string> violation;
   std::set<std::string> crashed_at;  ///< failpoints at which the coordinator was ended
   int64_t acknowledged = 0, restarts = 0, power_cuts = 0, outdated_leaders = 0, failed_attempts = 0, damaged = 0;
+  Injected injected;
+
+  /// Adds the counts and failpoints of another; a violation stays its own.
+  void add(const Outcome& other);
 };
 
 /// Plays a schedule in the folder, which must be empty and is empty afterwards. `log` gets a line an event, where it is given.

@@ -24,13 +24,7 @@ Outcome play(Profile profile, int schedules, uint64_t first = 1) {
     const Outcome outcome = simulate(profile, seed, folder.path());
     EXPECT_FALSE(outcome.violation) << *outcome.violation << "\n  " << command_for(profile, seed);
     if (outcome.violation) break;
-    sum.acknowledged += outcome.acknowledged;
-    sum.restarts += outcome.restarts;
-    sum.power_cuts += outcome.power_cuts;
-    sum.outdated_leaders += outcome.outdated_leaders;
-    sum.failed_attempts += outcome.failed_attempts;
-    sum.damaged += outcome.damaged;
-    sum.crashed_at.insert(outcome.crashed_at.begin(), outcome.crashed_at.end());
+    sum.add(outcome);
   }
   EXPECT_GE(sum.acknowledged, schedules);
   return sum;

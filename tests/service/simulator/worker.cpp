@@ -36,7 +36,7 @@ void Worker::start() {
   ++life_;
   ++incarnation_;
   folder_ = world_.folder / fmt::format("{}-{}", id_, life_);
-  world_.disk.lay_out(left_, folder_);
+  world_.disk.lay_out(std::exchange(left_, {}), folder_);
   spool_ = std::make_unique<Spool>(folder_);
   book_ = std::make_unique<LeaseBook>(*spool_);
   frozen_ = draining_ = fetching_ = uploading_ = answered_ = false;
@@ -66,6 +66,7 @@ void Worker::crash(bool power_cut) {
 void Worker::freeze() {
   if (!book_ || frozen_) return;
   world_.journal.say(id_, "is frozen");
+  world_.injected.count(Fault::kFreezeWorker);
   frozen_ = true;
 }
 
@@ -83,6 +84,7 @@ void Worker::go_on() {
 void Worker::drain() {
   if (!book_ || draining_ || frozen_) return;
   world_.journal.say(id_, "drains");
+  world_.injected.count(Fault::kDrainWorker);
   draining_ = true;
   drain_end_ = world_.loop.now() + 5 * kSecond;
   book_->drain();
@@ -118,8 +120,8 @@ void Worker::act() {
     const auto grant = book_->next_to_render();
     if (!grant) break;
     ++busy_slots_;
-    const Time total =
-        world_.goes_wrong(world_.plan.straggle) ? world_.time(5 * kSecond, 15 * kSecond) : world_.time(300 * kMillisecond, 3 * kSecond);
+    const Time total = world_.goes_wrong(Mishap::kAttemptSlow, world_.plan.straggle) ? world_.time(5 * kSecond, 15 * kSecond)
+                                                                                     : world_.time(300 * kMillisecond, 3 * kSecond);
     render(std::make_shared<v1::LeaseGrant>(*grant), total);
   }
   if (!uploading_)
@@ -272,6 +274,7 @@ void Worker::forge() {
     report.set_renewal_counter(1);
     report.set_phase(v1::LEASE_PHASE_RENDERING);
   }
+  world_.injected.count(Fault::kStaleReports);
   world_.journal.say(id_, "is spoken for by somebody else: {} leases, {} failures, {} releases", request.leases_size(),
                      request.failures_size(), request.releases_size());
   world_.leader->sync(++calls_, request, [](const rpc::Outcome&, const v1::SyncResponse&) {});
@@ -284,7 +287,7 @@ void Worker::fetch(const v1::LeaseGrant& grant) {
   later(world_.time(kMillisecond, 300 * kMillisecond), [this, grant] {
     fetching_ = false;
     if (book_->should_stop(grant.lease_id(), boot())) return book_->stopped(grant);
-    if (world_.goes_wrong(world_.plan.lose_scene)) {
+    if (world_.goes_wrong(Mishap::kSceneLost, world_.plan.lose_scene)) {
       world_.journal.say(id_, "cannot fetch the scene of task {}", grant.task().task_id());
       return book_->failed(grant, {FailureCause::kTransfer, "the scene cannot be fetched"}, "");
     }
@@ -320,12 +323,14 @@ void Worker::render(const std::shared_ptr<v1::LeaseGrant>& grant, Time left) {
 
 void Worker::end_attempt(const v1::LeaseGrant& grant) {
   const v1::TaskSpec& task = grant.task();
-  if (is_poison(task) || world_.goes_wrong(world_.plan.crash_task)) {
+  const bool poison = is_poison(task);
+  if (poison) world_.injected.count(Mishap::kAttemptCrashed);
+  if (poison || world_.goes_wrong(Mishap::kAttemptCrashed, world_.plan.crash_task)) {
     ++world_.failed_attempts;
     world_.journal.say(id_, "crashes at task {}", task.task_id());
     return book_->failed(grant, {FailureCause::kCrash, "the render child ended by signal 11"}, "the end of its log");
   }
-  const std::string bytes = tile_of(task, world_.goes_wrong(world_.plan.miscompute));
+  const std::string bytes = tile_of(task, world_.goes_wrong(Mishap::kResultMiscomputed, world_.plan.miscompute));
   spool_->make_room(task.result_key());
   {
     AtomicFile file(spool_->tile_path(task.result_key()));

@@ -36,7 +36,11 @@ struct World {
   /// Something that must never be. The first is kept, and ends the schedule.
   void violate(const std::string& what);
   /// Whether this goes wrong now: nothing does once the schedule is calm.
-  bool goes_wrong(double chance) { return !calm && random.chance(chance); }
+  bool goes_wrong(Mishap mishap, double chance) {
+    const bool wrong = !calm && random.chance(chance);
+    if (wrong) injected.count(mishap);
+    return wrong;
+  }
 
   Random random;
   Loop loop;
@@ -51,6 +55,7 @@ struct World {
   std::set<std::string> damaged;             ///< digests of results whose stored bytes were damaged
   std::set<std::string> crashed_at;          ///< failpoints at which the coordinator was ended
   int64_t restarts = 0, power_cuts = 0, outdated_leaders = 0;
+  Injected injected;
 
   // Made in this order, and gone in the other.
   std::unique_ptr<Checks> checks;
