@@ -37,6 +37,9 @@ OfferDecision Scheduler::offer(const Offer& offer, const std::string& worker_id,
   if (state == TaskState::Done || state == TaskState::Split || state == TaskState::GivenUp) return {OfferStatus::Settled, ""};
   if (has_ended(job.row.state)) return {OfferStatus::Refused, "the job has ended"};
   if (has_ended(frame.row.state)) return {OfferStatus::Refused, "the frame has ended"};
+  // The same result may be found among those of earlier jobs just now: only one of both may settle the task. Nothing is computed for offers
+  // that wait: a call that brings many is looked at again at each commit.
+  if (state == TaskState::Committing || frame.is_looked_up(ref->number)) return {OfferStatus::Pending, ""};
   const TaskArea area = frame.tasks.area(ref->number);
   if (!frame.row.pinned || offer.result.key != result_key(frame.pinned_header(), area.rect, area.range)) {
     log(ref->job, EventKind::ResultRefused, frame.spec.header.frame, offer.task_id, worker_id, "the result key is not this task's");
@@ -46,8 +49,6 @@ OfferDecision Scheduler::offer(const Offer& offer, const std::string& worker_id,
     }
     return {OfferStatus::Refused, "the result key is not this task's"};
   }
-  // The same result may be found among those of earlier jobs just now: only one of both may settle the task.
-  if (state == TaskState::Committing || frame.is_looked_up(ref->number)) return {OfferStatus::Pending, ""};
   if (!blob_present) return {OfferStatus::UploadNeeded, ""};
   ActiveTask& task = frame.active[ref->number];
   task.committing = true;

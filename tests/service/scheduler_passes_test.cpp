@@ -289,6 +289,20 @@ TEST(Scheduler, ALimitOfTimeThatEndsBeforeTheFirstSamplesLeavesAPartialFrameOrNo
   }
 }
 
+TEST(Scheduler, AnOfferBesideTheCommitOfAnotherWaitsForItAndIsDecidedByItsRow) {
+  SchedulerWorld world;
+  world.scheduler.add_job(test_job("j1"));
+  const Grant grant = world.sync("w1").at(0);
+  Offer offer{grant.lease_id, to_string(grant.task), grant.epoch, {grant.result_key, std::string(64, 'd'), 100, {}, {}}};
+  EXPECT_EQ(world.decide(offer, "w1"), OfferStatus::Pending);
+  offer.result.key = std::string(64, '0');
+  offer.result.digest = std::string(64, 'e');
+  EXPECT_EQ(world.decide(offer, "w2"), OfferStatus::Pending) << "whatever its key";
+  world.settle();
+  EXPECT_EQ(world.commits.size(), 1u);
+  EXPECT_EQ(world.decide(offer, "w2"), OfferStatus::Refused);
+}
+
 TEST(TaskGrid, TasksOfAPassLieInOneBlockEach) {
   SampleMap map{{3, 5, 130, 97}, {}};
   map.counts.assign(map.grid().size(), 24);

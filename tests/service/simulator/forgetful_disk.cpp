@@ -124,8 +124,24 @@ void copy_all(const std::string& folder, const std::string& prefix, DiskImage& i
 
 }  // namespace
 
-ForgetfulDisk::ForgetfulDisk(const fs::path& root) : root_(root.string() + "/") { watching = this; }
+ForgetfulDisk::ForgetfulDisk(const fs::path& root)
+    : root_(root.string() + "/"),
+      database_(
+          root_,
+          [this](const std::string& path) {
+            if (before_sync) before_sync(path);
+          },
+          [this](const std::string& folder) { sync_folder(folder); }) {
+  watching = this;
+}
 ForgetfulDisk::~ForgetfulDisk() { watching = nullptr; }
+
+void ForgetfulDisk::sync_folder(const std::string& path) {
+  Names& names = names_[path];
+  names.clear();
+  for (const Entry& entry : entries(path)) names.emplace(entry.name, entry.inode);
+  database_.name_all(path);
+}
 
 bool ForgetfulDisk::sync(int descriptor) {
   char link[64], target[4096];
@@ -137,9 +153,7 @@ bool ForgetfulDisk::sync(int descriptor) {
   struct stat status {};
   if (::fstat(descriptor, &status) != 0) return true;
   if (S_ISDIR(status.st_mode)) {
-    Names& names = names_[path];
-    names.clear();
-    for (const Entry& entry : entries(path)) names.emplace(entry.name, entry.inode);
+    sync_folder(path);
   } else {
     std::string& bytes = bytes_[status.st_ino];
     if (!read_into(bytes, descriptor, status.st_size)) read_into(bytes, link);
@@ -150,6 +164,7 @@ bool ForgetfulDisk::sync(int descriptor) {
 DiskImage ForgetfulDisk::after_kill(const fs::path& folder) const {
   DiskImage image;
   copy_all(folder, "", image);
+  for (const auto& [name, file] : database_.in_folder(folder)) image.files[name] = file->bytes();
   return image;
 }
 
@@ -158,6 +173,8 @@ DiskImage ForgetfulDisk::after_power_cut(const fs::path& folder, Random& random)
   std::unordered_map<ino_t, std::string> paths;
   find_paths(folder, paths);
   gather(folder, "", paths, random, image);
+  for (const auto& [name, file] : database_.in_folder(folder))
+    if (file->named() || random.chance(0.5)) image.files[name] = mixed(file->durable(), file->bytes(), random);
   return image;
 }
 
@@ -202,6 +219,10 @@ void ForgetfulDisk::lay_out(DiskImage image, const fs::path& folder) {
     names_[root + "/" + name];
   }
   for (auto& [name, bytes] : image.files) {
+    if (DatabaseFiles::is_ones_name(name)) {
+      database_.add(root + "/" + name, std::move(bytes));
+      continue;
+    }
     const ino_t inode = write_file(root + "/" + name, bytes);
     name_it(name, inode);
     bytes_[inode] = std::move(bytes);
@@ -224,6 +245,7 @@ void ForgetfulDisk::remove_below(const std::string& folder) {
 
 void ForgetfulDisk::remove(const fs::path& folder) {
   remove_below(folder.string());
+  database_.remove_all(folder.string());
   // Folders that went before it did are durable names all the same.
   for (auto it = names_.lower_bound(folder.string() + "/"); it != names_.end() && it->first.starts_with(folder.string() + "/");)
     it = names_.erase(it);

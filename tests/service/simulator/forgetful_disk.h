@@ -1,5 +1,6 @@
 // A disk that forgets what was not synced. Files lie in a real folder; this program's fsync and fdatasync come here (they replace those of
-// the C library), and note what is durable: the bytes of a synced file, the names in a synced folder.
+// the C library), and note what is durable: the bytes of a synced file, the names in a synced folder. Those of the database lie in memory
+// (database_files.h).
 #pragma once
 
 #include <sys/types.h>
@@ -12,6 +13,7 @@
 #include <string>
 #include <unordered_map>
 
+#include "tests/service/simulator/database_files.h"
 #include "tests/service/simulator/random.h"
 
 namespace woodcock::simulator {
@@ -40,7 +42,7 @@ class ForgetfulDisk {
   DiskImage after_kill(const std::filesystem::path& folder) const;
   /// The same after a power cut: what is durable, and of the rest some, at random: each block of 4 KiB of a file, each name.
   DiskImage after_power_cut(const std::filesystem::path& folder, Random& random) const;
-  /// Makes the folder of an image; all of it is durable.
+  /// Makes the folder of an image; all of it is durable. SQLite's files lie at its top.
   void lay_out(DiskImage image, const std::filesystem::path& folder);
   /// Removes the folder.
   void remove(const std::filesystem::path& folder);
@@ -54,8 +56,10 @@ class ForgetfulDisk {
   void gather(const std::filesystem::path& folder, const std::string& prefix, const std::unordered_map<ino_t, std::string>& paths,
               Random& random, DiskImage& image) const;
   void remove_below(const std::string& folder);
+  void sync_folder(const std::string& path);
 
   const std::string root_;
+  DatabaseFiles database_;
   std::unordered_map<ino_t, std::string> bytes_;  ///< durable ones, by inode
   std::map<std::string, Names> names_;            ///< durable ones, by folder
 };
