@@ -23,7 +23,7 @@ namespace woodcock::coordinator {
 struct FastMotion {
   double seconds = 0;
   int64_t kept = 0;                           ///< jobs at the end
-  int64_t memory_early = 0, memory_late = 0;  ///< resident bytes when the first jobs had gone, and at the end
+  int64_t memory_early = 0, memory_late = 0;  ///< resident bytes when the first jobs had gone, and the most of them since
   int64_t database_early = 0, database_late = 0;
 };
 
@@ -33,6 +33,8 @@ inline int64_t resident_bytes() {
   std::ifstream("/proc/self/statm") >> pages >> resident;
   return resident * ::sysconf(_SC_PAGESIZE);
 }
+
+inline constexpr int kBetweenLooks = 2000;  ///< jobs between two looks at the memory
 
 /// Jobs of two tasks each in batches; a batch and its clean-up are a quarter of a day, and jobs are kept for `keep_days`.
 inline FastMotion fast_motion(int jobs, int batch, int keep_days) {
@@ -86,13 +88,21 @@ inline FastMotion fast_motion(int jobs, int batch, int keep_days) {
     world.coordinator->clean_up();
     const int before = done;
     done += batch;
-    const auto database = [&] { return static_cast<int64_t>(std::filesystem::file_size(folder.path() / "woodcock.sqlite")); };
+    const auto passes = [&](int count) { return before / count != done / count; };
+    if (!passes(kBetweenLooks) && !passes(early) && done < jobs) continue;
+    const int64_t memory = resident_bytes();
+    const auto database = static_cast<int64_t>(std::filesystem::file_size(folder.path() / "woodcock.sqlite"));
     if (before < early && done >= early) {
-      motion.memory_early = resident_bytes();
-      motion.database_early = database();
+      motion.memory_early = motion.memory_late = memory;
+      motion.database_early = motion.database_late = database;
+    } else if (done >= early) {
+      motion.memory_late = std::max(motion.memory_late, memory);
+      motion.database_late = std::max(motion.database_late, database);
     }
-    motion.memory_late = resident_bytes();
-    motion.database_late = database();
+    std::printf("%d of %d jobs in %.0f s: resident memory %.1f MiB, database %.1f MiB\n", done, jobs,
+                std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count(), static_cast<double>(memory) / (1 << 20),
+                static_cast<double>(database) / (1 << 20));
+    std::fflush(stdout);
   }
   motion.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   motion.kept = world.rows("jobs");
@@ -100,7 +110,7 @@ inline FastMotion fast_motion(int jobs, int batch, int keep_days) {
   EXPECT_LE(motion.kept, int64_t{batch} * 4 * keep_days);
   EXPECT_EQ(world.on_disk(), world.referenced());
   world.expect_exact_counts();
-  std::printf("%d jobs in %.0f s, %lld kept; resident memory %.1f MiB early, %.1f MiB at the end; database %.1f and %.1f MiB\n", jobs,
+  std::printf("%d jobs in %.0f s, %lld kept; resident memory %.1f MiB early, %.1f MiB at most later; database %.1f and %.1f MiB\n", jobs,
               motion.seconds, static_cast<long long>(motion.kept), static_cast<double>(motion.memory_early) / (1 << 20),
               static_cast<double>(motion.memory_late) / (1 << 20), static_cast<double>(motion.database_early) / (1 << 20),
               static_cast<double>(motion.database_late) / (1 << 20));
