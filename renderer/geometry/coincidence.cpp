@@ -88,12 +88,11 @@ size_t Geometry::coincident(const Ray& ray, const Hit& hit, std::span<Coincident
   Gathering gathering;
   gathering.at = {hit, impl_->error_bound(hit, query.o, query.d)};
   gathering.plane_t = hit.t;
-  {
+  // Only what was put back onto an edge has another place than its plane; of patches and quadrics nothing is put back.
+  if (gathering.at.error.at_edge && impl_->is_flat(hit.shape)) {
     DVec3 o = query.o, d = query.d;
     impl_->to_object(hit.instance, o, d);
-    // Patches and quadrics have up to two hits.
-    if (impl_->is_flat(hit.shape))
-      if (const auto plane = impl_->intersect_primitive(hit.shape, hit.primitive, o, d, query.skip, kInf)) gathering.plane_t = plane->t;
+    if (const auto plane = impl_->intersect_primitive(hit.shape, hit.primitive, o, d, query.skip, kInf)) gathering.plane_t = plane->t;
   }
   gathering.found = found;
   gathering.count = 1;
