@@ -13,12 +13,6 @@ struct Polynomial {
 constexpr std::array<Polynomial, 2 * kSobolPairs - 2> kPolynomials{
     {{2, 1, {1, 3, 0, 0}}, {3, 1, {1, 3, 1, 0}}, {3, 2, {1, 1, 1, 0}}, {4, 1, {1, 1, 3, 3}}}};
 
-constexpr uint32_t reversed(uint32_t x) {
-  uint32_t r = 0;
-  for (int k = 0; k < 32; ++k) r |= ((x >> k) & 1u) << (31 - k);
-  return r;
-}
-
 constexpr SobolTables make_tables() {
   SobolTables tables{};
   for (size_t d = 0; d < kPolynomials.size(); ++d) {
@@ -38,7 +32,7 @@ constexpr SobolTables make_tables() {
         uint32_t digits = 0;
         for (uint32_t bit = 0; bit < 8; ++bit)
           if (((i >> bit) & 1u) != 0) digits ^= v[8 * byte + bit];
-        tables.part[d][byte][i] = reversed(digits);
+        tables.part[d][byte][i] = reverse_bits(digits);
       }
   }
   return tables;
